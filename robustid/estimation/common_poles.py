@@ -32,12 +32,21 @@ _CHUNK = 2**16  # lines that are predicted at once
 _SINGULAR = 1e-12
 
 
+class Doubt(NamedTuple):
+    """Spectra, and responses at some lines, with modes that may be of the noise: places of these lines in the index."""
+
+    lines: NDArray[np.intp]
+    spectra: Complex
+    values: Complex
+
+
 class Predicted(NamedTuple):
     """Spectra (R, L, nz) of the outputs as the poles explain them; responses (K, nz, nx) at lines, and covariance of their vec."""
 
     spectra: Complex
     values: Complex
     covariance: Complex
+    doubt: Doubt | None = None  # where modes were left out
     modes: tuple[tuple[float, float, float, float], ...] = ()  # ends of natural frequency, rad a sample, and of damping
 
 
@@ -51,21 +60,27 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
     lines: NDArray[np.intp] = np.arange(int(index[0]), int(index[-1]) + 1)
     most = max(_FEWEST, _MOST // (records * (nx + records)))
     lines = lines[:: -(-lines.size // most)]
-    every = np.arange(1, last + 1)
+    at = 2 * np.pi * index / samples
     nothing = Predicted(np.zeros_like(z), np.zeros((index.size, z.shape[2], nx), complex), np.zeros((1, 1, 1), complex))
     if not np.all(np.any(z[:, lines], axis=(0, 1))):
         return nothing
     fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
-    found = fit.described(fit.pairs())
+    found, doubt = fit.described(fit.pairs()), None
     if found.poles.size:
-        wide = -np.log(np.abs(found.poles)) > _APART * (fit.angle[1] - fit.angle[0])  # no peaks
+        near = _APART * (fit.angle[1] - fit.angle[0])
+        wide = -np.log(np.abs(found.poles)) > near  # no peaks
         if not (kept := wide | found.shown()).all():
-            found = fit.described(fit.refined(found.poles[kept]))
-    spectra = np.zeros_like(z)
-    for part in np.array_split(every, -(-every.size // _CHUNK)):
-        spectra[:, part] = found.spectra(2 * np.pi * part / samples, x[:, part])
-    values, covariance = found.responses(2 * np.pi * index / samples)
-    return Predicted(spectra, values, covariance, found.modes()) if np.all(np.isfinite(covariance)) else nothing
+            poles = fit.refined(found.poles[kept])
+            # A mode that runs off to what was left out shows that this is no peak of noise.
+            if np.all(wide[kept] | (np.abs(poles - found.poles[kept]) <= near)):
+                away = np.abs(at[:, None] - np.angle(found.poles[~kept])).min(axis=1)
+                lines = np.flatnonzero(away <= near)
+                doubt = Doubt(lines, found.spectra(x, samples, last), found.responses(at[lines])[0])
+                found = fit.described(poles)
+    values, covariance = found.responses(at)
+    if not np.all(np.isfinite(covariance)):
+        return nothing
+    return Predicted(found.spectra(x, samples, last), values, covariance, doubt, found.modes())
 
 
 class _Spectra(PoleFit):
@@ -227,8 +242,14 @@ class _Description:
                 found.append((float(left), float(right), float(max(least, _LEAST)), float(most)))
         return tuple(found)
 
-    def spectra(self, angle: Real, x: Complex) -> Complex:
-        """Spectra of the outputs as they are explained, (R, L, nz), at angles."""
+    def spectra(self, x: Complex, samples: int, last: int) -> Complex:
+        """Spectra of the outputs as they are explained, (R, K, nz): up to the last line, 0 at the others."""
+        found = np.zeros((*x.shape[:2], len(self.c)), complex)
+        for part in np.array_split(np.arange(1, last + 1), -(-last // _CHUNK)):
+            found[:, part] = self._spectra(2 * np.pi * part / samples, x[:, part])
+        return found
+
+    def _spectra(self, angle: Real, x: Complex) -> Complex:
         base, nx = _base(np.exp(1j * angle), self.poles), self.fit.inputs
         each = np.einsum("ln,ijn,i->lij", base, self.c, self.fit.size)
         return np.einsum("lij,rlj->rli", each[:, :, :nx], x / self.fit.scale) + each[:, :, nx:].transpose(2, 0, 1)

@@ -27,7 +27,7 @@ class Said(NamedTuple):
     denominator: Complex  # coefficients of x^poles, ..., x; that of 1 is 1, (..., poles)
 
 
-def unlikely(ratio: Real | float, dof: int) -> Real:
+def unlikely(ratio: Real | float, dof: float) -> Real:
     """Minus the logarithm of the chance of such a ratio of mean squares of complex noise, of one value over `dof` others."""
     return dof * np.log1p(np.asarray(ratio, float) / dof)
 

@@ -56,14 +56,23 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     dof = float(len(records) * (2 * half + 1) - unknowns)
     free = dof - (_ORDER + 1) * nu  # beside the changes of a window
     turned = np.fft.rfft(_signs(*excitation.shape[:2])[: None if free >= 1 else 0] * excitation, axis=2) / samples
-    pieces = np.array_split(index, -(-index.size // chunk))
-    parts = [_fit(x, z - known.spectra, turned, part, half, last) for part in pieces]
-    values, covariance, residual, change, sure = (np.concatenate(piece) for piece in zip(*parts, strict=True))
+
+    def fitted(spectra: np.ndarray, index: np.ndarray) -> list[np.ndarray]:
+        pieces = np.array_split(index, -(-index.size // chunk))
+        parts = [_fit(x, z - spectra, turned, part, half, last) for part in pieces]
+        return [np.concatenate(piece) for piece in zip(*parts, strict=True)]
+
+    values, covariance, residual, change, sure = fitted(known.spectra, index)
     step = float(np.median(np.diff(index))) if index.size > 1 else 1.0
     changes = _added(change, sure, free, (2 * half + 1) / step)
     values = values + known.values
+    unsure = np.zeros(values.shape)
+    if (doubt := known.doubt) is not None and doubt.lines.size:
+        # Modes that may be of the noise are left out: as likely as not, the response is the one with them.
+        others = fitted(doubt.spectra, index[doubt.lines])[0] + doubt.values
+        unsure[doubt.lines] = np.abs(others - values[doubt.lines]) ** 2 / 2
     of_noise = covariance + known.covariance
-    covariance = of_noise + changes[:, None, :] * np.eye(changes.shape[1])
+    covariance = of_noise + (changes + stacked(unsure))[:, None, :] * np.eye(changes.shape[1])
     if loop:
         (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
     power = np.mean(np.abs(y) ** 2, axis=0)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
 from robustid.estimation.axis_parts import Jump, of_resonance
+from robustid.estimation.local_models import unlikely
 from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
 
@@ -39,6 +40,7 @@ class WholeModel(NamedTuple):
     basis: Real  # (2 F, n)
     variance: float  # of every number that is left
     noise: float  # that local models find, rms
+    dof: float | None  # of the scatter from which the bound of a line was taken; None: known
 
     @property
     def spare(self) -> int:
@@ -102,7 +104,7 @@ def _whole(one: FrequencyResponse, refined: bool) -> WholeModel | None:
     power = float(left @ left)
     if spare < right.size / 2 or power <= 1e-24 * float(right @ right):
         return None
-    return WholeModel(best.values, left, basis, power / spare, noise_in_bounds(one))
+    return WholeModel(best.values, left, basis, power / spare, noise_in_bounds(one), one.bound.dof)
 
 
 def _of_least_criterion(one: FrequencyResponse, refined: bool) -> tuple[_Fitted | None, PoleFit]:
@@ -205,9 +207,11 @@ def odd_lines(models: dict[int, WholeModel]) -> list[Odd]:
     for k, one in models.items():
         lines = one.values.size
         square, away = _own(one)
-        limit = 2 * np.log(max(total, 1) / _CHANCE)
+        limit = np.log(max(total, 1) / _CHANCE)
         beside = np.maximum(np.append(square[1:], 0), np.insert(square[:-1], 0, 0))
-        odd = np.flatnonzero((square > limit) & (away > 1) & (beside < _QUIET))
+        # A bound from few residuals is small by chance at some lines: their errors in units of it are F distributed.
+        chance = square / 2 if one.dof is None else unlikely(square / 2, one.dof)
+        odd = np.flatnonzero((chance > limit) & (away > 1) & (beside < _QUIET))
         most = _AS_GOOD + _UNCERTAIN / np.sqrt(one.spare)
         if odd.size <= max(1, _FEW * lines) and one.as_good(float(square[odd].sum()), most):
             part = away[odd] / np.maximum(np.abs(one.values[odd]), np.finfo(float).tiny)

@@ -2,14 +2,17 @@
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 import scipy.signal
 
 import robustid as rid
+from robustid.core import responses, simulate
 from robustid.errors import InputError
 from robustid.estimation import response_alone
 from robustid.estimation.common_poles import predicted
+from support.cases import slow
 from support.loop_truths import recorded
 from support.short_records import plant_of, record_of
 
@@ -69,6 +72,22 @@ def test_bounds_of_short_records_hold(constants, seeds, least):
             shown += any(a <= omega <= b and c <= damping <= d for a, b, c, d in frf.modes)
     assert held >= least
     assert shown >= 3 * seeds * 0.975
+
+
+@pytest.mark.parametrize(("slow_pole", "seeds"), [((0.0, 0.2), 4), slow((0.0, 0.2), 25), slow((-0.5, 0.1), 25)])
+def test_a_mode_beside_a_slow_pole_keeps_its_bound(slow_pole, seeds):
+    """20 Hz of 1 % in two seconds: fits without the integrator, or the pole at .5 rad/s, took that in place of the mode."""
+    (rate, part), omega, dt, left = slow_pole, 40 * np.pi, 2e-3, 0
+    A = np.array([[rate, 0, 0], [0, 0, omega], [0, -omega, -0.02 * omega]])
+    plant = control.c2d(control.ss(A, [[1.0], [0], [1]], [[1, 0.05 * part, 0]], 0), dt, "zoh")
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        u = rng.standard_normal((1500, 1))
+        y = simulate(plant, u, 0.02 * rng.standard_normal(3))[0]
+        y = y + 0.01 * np.std(y - np.linspace(y[0], y[-1], 1500)) * rng.standard_normal(y.shape)
+        frf = response_alone(rid.TimeRecord(u[500:], y[500:], dt=dt, initial="free"))
+        left += bool(np.any(np.abs(frf.values - responses(plant, frf.omega * dt)) > frf.bound.radius))
+    assert left <= (1 if seeds == 4 else 3)
 
 
 def coloured(rng, count, colour):
