@@ -155,7 +155,8 @@ class Plants:
         one, other = (np.broadcast_to(np.eye(k, dtype=complex), (count, k, k)) for k in (nu, ny))
         none, far = np.zeros((count, nu, 2 * ny)), np.concatenate([other, other], axis=2)
         rows = [[one, none], [values, far], [one, none]]
-        return LoopValues.at(np.concatenate([np.concatenate(row, axis=2) for row in rows], axis=1), shape)
+        every = np.concatenate([np.concatenate(row, axis=2) for row in rows], axis=1)
+        return LoopValues.at(np.asarray(every, dtype=complex), shape)
 
     def running(self, omega: Real) -> Complex:
         """Values of the controller that ran, which stabilises all of them, (F, nu, ny)."""

@@ -77,7 +77,7 @@ class Program:
         plain = ~np.any(small, axis=1)
         if plain.any():
             self.not_negative(ahead[plain], slack[plain], fixed[plain] - np.abs(rest[plain]))
-            ahead, slack, fixed, small, rest = (one[~plain] for one in (ahead, slack, fixed, small, rest))
+            ahead, slack, fixed, small, rest = ahead[~plain], slack[~plain], fixed[~plain], small[~plain], rest[~plain]
         if not slack.size:
             return
         factors = np.stack([ahead, small.real, small.imag], axis=1)

@@ -169,7 +169,8 @@ def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions)
             program.hold(ahead, -unit, -one.w, one.b[:, 0] * values, one.a[:, 0, 0])
             return
         fixed = np.real(turned[:, 0] * one.a[:, 0, 0]) - np.real(turned * one.corners).max(axis=1) - one.w
-        program.hold(np.real(turned * one.b[:, 0] * values), -unit, fixed, one.q[:, 0, 0, None] * values, 0 * one.w)
+        ahead, small = np.real(turned * one.b[:, 0] * values), one.q[:, 0, 0, None] * values
+        program.hold(ahead, -unit, fixed, small, np.zeros(one.w.shape, complex))
         return
     ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
     fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])

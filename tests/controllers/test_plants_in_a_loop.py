@@ -142,7 +142,7 @@ def cart():
 
 
 @pytest.mark.slow
-def test_an_integrator_measured_in_a_loop_has_a_controller_that_no_consistent_plant_contradicts():
+def test_an_integrator_measured_in_a_loop_has_a_controller_that_no_consistent_plant_contradicts(tmp_path):
     """Systems that the data allow, and values of R on the borders of its discs, 10^4 of them at every frequency."""
     plant, loop, problem, ran = cart()
     plants = Plants.of(ran)
@@ -165,6 +165,9 @@ def test_an_integrator_measured_in_a_loop_has_a_controller_that_no_consistent_pl
         L = R / (1 - 2 * R) * C  # R is the response under the gain of 2
         assert np.abs(1 / (1 + L)).max() <= PEAK
         assert np.abs(L[low]).min() >= 1
+    design.save(tmp_path / "design")
+    assert rid.load(tmp_path / "design").status.name == "PROVED"
+    rid.write_report(design, tmp_path / "design.html")
     print(f"bandwidth {design.level:.4g} rad/s, peak of S {design.proofs[0].peaks['sensitivity'].value:.4g}")
 
 
