@@ -13,7 +13,8 @@ a + b C is that of the polygon of all :math:`a + (b + v) C`: two convex sets are
 
 .. math:: \operatorname{Re} \bar\varphi (a + (b + v) C) \ge |q C| + w \quad \text{at every corner } v,
 
-which is exact, too; |P S| is bounded in the disc about the hull. Of matrices
+which is exact, too; |P S| is bounded in the disc about the hull. Values outside of a disc, ``|F - c| >= r``, of plants that may be
+infinite at a frequency, keep off the same where :math:`r |C| \ge |a + (b + c) C| + |q C| + w`, exactly. Of matrices
 :math:`F = c + \Delta D` with :math:`\|\Delta\| \le r`, and the same with singular values follows from
 
 .. math:: \underline\sigma(a + b C) \ge \textstyle\sum_k \|Q_k C\| + w,
@@ -32,7 +33,6 @@ from numpy.typing import NDArray
 
 from robustid.controllers.limits import Limits
 from robustid.core import Complex, Real, norms
-from robustid.guarantees import ErrorSets
 
 _ABOVE = 5e-3  # 1 that |L| is up to the bandwidth: what the proof on arcs takes
 _ARC = 5  # points of the arc about -1 that a phase margin keeps clear
@@ -48,7 +48,8 @@ class Discs(NamedTuple):
     """Values of all consistent plants at frequencies: centres (F, ny, nu), radii (F,) and units of the inputs (F, nu).
 
     All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius. Of one input and
-    one output they are within `around` of the hull of ``centre + corners``, too: that of 0 alone where nothing else is known.
+    one output they are within `around` of the hull of ``centre + corners``, too: that of 0 alone where nothing else is known; or,
+    where `outside`, at least the radius away from the centre, and perhaps infinite. `plant` is one of them.
     """
 
     omega: Real
@@ -57,11 +58,14 @@ class Discs(NamedTuple):
     units: Real
     corners: Complex  # (F, V)
     around: Real  # (F,)
+    outside: NDArray[np.bool_]  # (F,)
+    plant: Complex
 
     @classmethod
     def of(cls, omega: Real, centre: Complex, radius: Real, units: Real) -> Discs:
         """Discs alone."""
-        return cls(omega, centre, radius, units, np.zeros((omega.size, 1), complex), radius)
+        nowhere = np.zeros(omega.size, dtype=bool)
+        return cls(omega, centre, radius, units, np.zeros((omega.size, 1), complex), radius, nowhere, centre)
 
     @classmethod
     def together(cls, parts: Sequence[Discs]) -> Discs:
@@ -73,11 +77,6 @@ class Discs(NamedTuple):
         ]
         return cls(*(np.concatenate(one) for one in zip(*rows, strict=True)))
 
-    def smaller(self, factor: Real) -> Discs:
-        """The same about their centres, times factors (F,)."""
-        corners, around = self.corners * factor[:, None], self.around * factor
-        return self._replace(radius=self.radius * factor, corners=corners, around=around)
-
     @property
     def shape(self) -> tuple[int, int]:
         """Outputs and inputs."""
@@ -86,32 +85,32 @@ class Discs(NamedTuple):
     @property
     def typical(self) -> float:
         """Size of a controller with which the loop is about 1."""
-        return 1 / float(np.median(norms(self.centre)))
+        return 1 / float(np.median(norms(self.plant)))
 
     @property
     def columns(self) -> Real:
-        """Bound of the norm of every column, (F, nu)."""
-        return np.asarray(np.linalg.norm(self.centre, axis=1), dtype=float) + self.radius[:, None] * self.units
+        """Bound of the norm of every column, (F, nu); where `outside` that of one plant."""
+        known = np.where(self.outside, 0.0, self.radius)
+        return np.asarray(np.linalg.norm(self.plant, axis=1), dtype=float) + known[:, None] * self.units
 
     @property
     def largest(self) -> Real:
         """Bound of the largest singular value, (F,)."""
-        return norms(self.centre) + self.radius * self.units.max(axis=1)
+        return np.where(self.outside, np.inf, norms(self.centre) + self.radius * self.units.max(axis=1))
 
     @property
-    def errors(self) -> ErrorSets:
-        """The same about the centres, of one input and one output."""
-        zeros = np.zeros(self.centre.shape, complex)
-        reach = (self.radius * self.units[:, 0])[:, None, None]
+    def known_corners(self) -> Complex:
+        """Corners about the centres of polygons that are narrower than the discs, (F, V or 0); nan elsewhere."""
         known = self.corners[:, : 0 if self.corners.shape[1] == 1 else None]
-        return ErrorSets(reach, zeros, reach, np.where(self.around[:, None] > 0, np.nan, known))
+        return np.where(self.around[:, None] > 0, np.nan, known)
 
     @property
     def least(self) -> Real:
         """Least size of the values of one input and one output, (F,): negative where they may be 0, by how much."""
-        return _distance(-self.centre[:, 0, 0], self.corners)[0] - self.around * self.units[:, 0]
+        within = _distance(-self.centre[:, 0, 0], self.corners)[0] - self.around * self.units[:, 0]
+        return np.where(self.outside, self.radius * self.units[:, 0] - np.abs(self.centre[:, 0, 0]), within)
 
-    def at(self, which: NDArray[np.bool_]) -> Discs:
+    def at(self, which: NDArray[np.bool_] | Indices) -> Discs:
         """Some of the frequencies."""
         parts: list[Any] = [one[which] for one in self]
         return Discs(*parts)
@@ -121,7 +120,8 @@ class Conditions(NamedTuple):
     """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
 
     The polygon, by its corners, is the point 0 where nothing is said; of matrices the distance from it is the smallest singular
-    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C| <= w`` instead.
+    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C| <= w`` instead. `outside`:
+    ``|Q C| >= |a + b C - k| + w`` instead at every corner k of the polygon.
     """
 
     name: str
@@ -133,6 +133,7 @@ class Conditions(NamedTuple):
     inside: bool = False
     corners: Complex = np.zeros((1, 1), complex)  # (1 or N, corners)
     moved: Complex = np.zeros((1, 1), complex)  # (1 or N, V)
+    outside: bool = False
 
     def at(self, values: Complex) -> tuple[Complex, Real]:
         """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
@@ -152,6 +153,9 @@ class Conditions(NamedTuple):
         """Both of them; inside there are no directions, and 1 stands for them."""
         X, taken = self.at(values)
         single = X.shape[1:] == (1, 1)
+        if self.outside:
+            C = values[self.place]
+            return taken - np.abs(X[:, 0] - self.corners).max(axis=1) - self.w, np.exp(1j * np.angle(C))
         if self.inside:
             size = np.abs(X[:, 0] + self.moved * values[self.place, 0]).max(axis=1) if single else norms(X)
             return self.w - size - taken, np.broadcast_to(np.eye(X.shape[1], dtype=complex), X.shape)
@@ -166,8 +170,11 @@ class Conditions(NamedTuple):
         return self.at_corners(values, turn).min(axis=1)
 
     def at_corners(self, values: Complex, turn: Complex) -> Real:
-        """The same for b at each of its corners, (N, V)."""
+        """The same for b at each of its corners, or outside for each of those of the polygon, (N, V)."""
         X, taken = self.at(values)
+        if self.outside:
+            ahead = np.real(turn[:, 0].conj() * self.q[:, 0] * values[self.place, 0])
+            return ahead - np.abs(X[:, 0] - self.corners) - self.w[:, None]
         if X.shape[1:] == (1, 1):
             every = X[:, 0] + self.moved * values[self.place, 0]
             if self.inside:
@@ -180,9 +187,13 @@ class Conditions(NamedTuple):
         return np.linalg.eigvalsh((turned + turned.conj().swapaxes(1, 2)) / 2)[:, :1] - (taken + self.w)[:, None]
 
     def with_corner(self, row: Indices, corner: Indices) -> Conditions:
-        """Some of them, each with b at one of its corners."""
-        moved = np.broadcast_to(self.moved, (self.place.size, self.moved.shape[1]))[row, corner, None, None]
+        """Some of them, each at one of the corners of `at_corners`."""
         own = {name: getattr(self, name)[row] for name in ("place", "a", "q", "w")}
+        if self.outside:
+            shapes = np.broadcast_to(self.corners, (self.place.size, self.corners.shape[1]))[row, corner, None, None]
+            own["a"] = own["a"] - shapes
+            return self._replace(**own, b=self.b[row], corners=np.zeros((1, 1), complex))
+        moved = np.broadcast_to(self.moved, (self.place.size, self.moved.shape[1]))[row, corner, None, None]
         shapes = self.corners[row] if len(self.corners) > 1 else self.corners
         return self._replace(**own, b=self.b[row] + moved, corners=shapes, moved=np.zeros((1, 1), complex))
 
@@ -251,32 +262,51 @@ class _Clear:
     ) -> None:
         """``offset + F C`` at a distance of `size` and `more` times |C| from 0, or from polygons; or no farther than that."""
         which = np.ones(self.discs.omega.size, dtype=bool) if where is None else where
-        some, place = self.discs.at(which), np.flatnonzero(which)
-        a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
-        a[:] = offset * np.eye(self.ny)
-        q = (some.around[:, None] * some.units)[:, None, :]
-        if more:
-            q = q + more if self.discs.shape == (1, 1) else np.concatenate([q, np.full(q.shape, more)], axis=1)
-        w = np.broadcast_to(np.asarray(size, dtype=float), place.shape)
         shapes = np.zeros((1, 1), complex) if corners is None else corners
-        self.found.append(Conditions(name, place, a, some.centre, q, w, inside, shapes, some.corners))
+        w = np.broadcast_to(np.asarray(size, dtype=float), (int(np.sum(which)),))
+        far = self.discs.outside[which]
+        for outside in (False, True) if far.any() else (False,):
+            own = far == outside
+            place = np.flatnonzero(which)[own]
+            some = self.discs.at(place)
+            a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
+            a[:] = offset * np.eye(self.ny)
+            shape = shapes[own] if len(shapes) > 1 else shapes
+            if outside and inside:  # the plant may be infinite
+                nothing, zeros = np.full(place.size, -1.0), np.zeros((place.size, 1, 1))
+                self.found.append(Conditions(name, place, 0 * a, 0 * a, zeros, nothing, inside=True))
+            elif outside:
+                q = np.maximum(some.radius[:, None, None] - more, 0.0)
+                self.found.append(Conditions(name, place, a, some.centre, q, w[own], corners=shape, outside=True))
+            else:
+                q = (some.around[:, None] * some.units)[:, None, :]
+                if more:
+                    one = self.discs.shape == (1, 1)
+                    q = q + more if one else np.concatenate([q, np.full(q.shape, more)], axis=1)
+                self.found.append(Conditions(name, place, a, some.centre, q, w[own], inside, shape, some.corners))
 
     def process(self, name: str, which: NDArray[np.bool_], most: float) -> None:
         """|P S| at most a number: exact in the disc of 1/F, or where F may be 0, and of matrices, by its largest value."""
-        some = self.discs.at(which)
+        place = np.flatnonzero(which)
+        some = self.discs.at(place)
         if self.discs.shape != (1, 1):
             self.add(name, which, 1.0, some.largest / most)
             return
         centre, radius = some.centre[:, 0, 0], some.radius * some.units[:, 0]
         size = np.abs(centre)
-        whole = size > radius * (1 + _LEAST)
-        room = np.where(whole, size**2 - radius**2, 1.0)
-        a: Complex = np.where(whole, centre.conj() / room, 1.0 + 0j)
-        b: Complex = np.where(whole, 1.0 + 0j, centre)
-        q = np.where(whole, 0.0, radius)
-        w = np.where(whole, 1 / most + radius / room, (size + radius) / most)
-        full = (slice(None), None, None)
-        self.found.append(Conditions(name, np.flatnonzero(which), a[full], b[full], q[full], w))
+        whole = np.where(some.outside, size < radius * (1 - _LEAST), size > radius * (1 + _LEAST))
+        nothing = some.outside & ~whole  # F may be 0 and infinite: 1/F is outside of the disc
+        room = np.where(whole | nothing, size**2 - radius**2, 1.0)
+        room = np.where(nothing, np.maximum(room, np.finfo(float).tiny), room)
+        a: Complex = np.where(whole | nothing, centre.conj() / room, 1.0 + 0j)
+        b: Complex = np.where(whole | nothing, 1.0 + 0j, centre)
+        q = np.where(whole | nothing, 0.0, radius)
+        w = np.where(whole, 1 / most + radius / np.abs(room), (size + radius) / most)
+        w = np.where(nothing, radius / room - 1 / most, w)
+        for inside in (False, True) if nothing.any() else (False,):
+            own = nothing == inside
+            full = (own, None, None)
+            self.found.append(Conditions(name, place[own], a[full], b[full], q[full], w[own], inside=inside))
 
 
 def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:

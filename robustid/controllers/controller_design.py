@@ -293,9 +293,11 @@ def design_controller(
     Notes
     -----
     The proof takes discs and polygons that hold the error of the model on every cell of a band; of plants in a loop the design
-    alone takes discs about the polygons. Of matrices both take discs about the model: :math:`U^*(I + F C)` is affine in F, so that
-    polygons of V corners for each of n entries would be exact only with :math:`V^n` semidefinite conditions at a frequency, and
-    the largest errors of the entries, which those discs hold, are those of the polygons already. Assumed: what the bands assume.
+    alone takes discs about the polygons, or what is outside of a disc where the plant may be infinite:
+    :math:`r |C| \ge |1 + c\, C| + w`, a second-order cone for a given direction of C. Of matrices both take discs about the model:
+    :math:`U^*(I + F C)` is affine in F, so that polygons of V corners for each of n entries would be exact only with :math:`V^n`
+    semidefinite conditions at a frequency, and the largest errors of the entries, which those discs hold, are those of the
+    polygons already. Assumed: what the bands assume.
     That no controller was found is no proof that there is none, since the directions are searched; `obstacle` of the result is
     one, where a law says so.
 

@@ -134,8 +134,8 @@ class Task:
 
     def discs(self, omegas: Sequence[Real]) -> Discs:
         """Discs of all plants, each at its frequencies, one after the other."""
-        discs = Discs.together([one.discs(omega) for one, omega in zip(self.plants, omegas, strict=True)])
-        return discs.smaller(self.smaller(discs.omega))
+        found = [one.discs(omega, self.smaller(omega)) for one, omega in zip(self.plants, omegas, strict=True)]
+        return Discs.together(found)
 
     def with_frequencies(self, where: Sequence[float]) -> None:
         """Ask about further frequencies."""
@@ -147,10 +147,10 @@ class Task:
         limits, parts = self.asked(found.level), np.arange(1, _BETWEEN) / _BETWEEN
         for plants, grid in zip(self.plants, self.grids, strict=True):
             omega: Real = (grid[:-1, None] ** (1 - parts) * grid[1:, None] ** parts).ravel()
-            discs = plants.discs(omega)
+            discs = plants.discs(omega, self.smaller(omega))
             values = response_at(StateMatrices.of(found.controller), points_of(omega, self.dt))
             worst = np.zeros(omega.size)
-            for one in conditions_of(limits, discs.smaller(self.smaller(omega))):
+            for one in conditions_of(limits, discs):
                 np.minimum.at(worst, one.place, one.excess(values))
             over = np.flatnonzero(worst < 0)
             stretches = np.split(over, np.flatnonzero(np.diff(over) > 1) + 1)
@@ -251,7 +251,7 @@ class At:
         """The same search for the models alone."""
         alone = copy.copy(self)
         alone.task = dataclasses.replace(self.task, smaller=_nowhere, heard=unheard)
-        alone.discs = self.discs.smaller(_nowhere(self.discs.omega))
+        alone.discs = alone.task.discs(alone.task.grids)
         return alone
 
     def _climbed(self, found: Found, high: float, step: float) -> Found:
@@ -293,12 +293,12 @@ class At:
             yield running
         corner = self._corner(discs, limits)
         wanted = (corner / (1j * discs.omega))[:, None, None]
-        yield wanted * np.linalg.pinv(discs.centre)
+        yield wanted * np.linalg.pinv(discs.plant)
         if self.basis.integral.any() and discs.shape == (1, 1):  # with its integrator up to a part of the corner
-            yield wanted * (1 + _PART * corner / (1j * discs.omega))[:, None, None] / discs.centre
+            yield wanted * (1 + _PART * corner / (1j * discs.omega))[:, None, None] / discs.plant
         if discs.shape != (1, 1):  # the same of every loop by itself
             basis, held = self.basis, self.basis.held
-            alone = np.where(held, (basis.out_of @ discs.centre @ basis.into).swapaxes(1, 2), 1.0)
+            alone = np.where(held, (basis.out_of @ discs.plant @ basis.into).swapaxes(1, 2), 1.0)
             yield (basis.into @ np.where(held, wanted / alone, 0.0) @ basis.out_of).astype(complex)
         if near is None and not running.any():
             yield running
@@ -334,9 +334,9 @@ class At:
         if discs.shape == (1, 1) and self.basis.integral.any():
             gain = (self.basis.integral @ self.back)[None]
             lowest = int(np.argmin(discs.omega))  # an integrator is to lower what the loop that runs leaves there
-            centre = discs.centre[lowest, 0, 0]
-            left = 1 + centre * self._running(discs)[lowest, 0, 0]
-            sign = np.sign((centre / left).real)
+            one = discs.plant[lowest, 0, 0]
+            left = 1 + one * self._running(discs)[lowest, 0, 0]
+            sign = np.sign((one / left).real)
             linear = sign * gain, np.array([limits.integral_gain or 0.0])
         conditions = conditions_of(limits.closer(self.task.spare), discs)
         if discs.shape != (1, 1) and limits.integral_gain is not None:

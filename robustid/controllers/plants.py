@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.controllers.conditions import Discs
+from robustid.controllers.images import Chart, discs_of_entry, smallest_sets
 from robustid.controllers.limits import Limits, Template
 from robustid.controllers.loop_gain import largest_reciprocal
 from robustid.core import (
@@ -27,7 +28,7 @@ from robustid.core import (
     response_at,
 )
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import Balls, Band, BandAxis, ErrorSets, LoopBounds, LoopValues, loop_bounds, norm_of_bounds
+from robustid.guarantees import Balls, Band, BandAxis, LoopBounds, LoopValues, loop_bounds, norm_of_bounds
 from robustid.identification import Loop
 from robustid.reduction import balanced_truncations
 
@@ -43,7 +44,6 @@ _PARTS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the ratio of two norms, which weighs t
 _FEW, _SHARE = 4, 0.03  # states that a truncation begins with, and what it may add to the bounds
 _ROUNDING = 1e-9  # of the end of an interval
 _HALF = 0.5  # the real part of S up to which |L| is at least 1
-_NARROW = 0.95  # of the diameter of a disc: polygons that are narrower in some direction
 _BANDWIDTH = Template("bandwidth", "sensitivity", least=True)
 _LITTLE = 1e-9  # of the bounds of the largest input: smaller ones are as good as none
 
@@ -113,35 +113,50 @@ class Plants:
         omega = np.geomspace(low, top, _POINTS)
         for _ in range(_HALVED):
             discs = self.discs(omega)
-            change, size = np.linalg.norm(np.diff(discs.centre, axis=0), axis=1), discs.columns
+            change, size = np.linalg.norm(np.diff(discs.plant, axis=0), axis=1), discs.columns
             far = np.any(change > _CHANGE * np.minimum(size[1:], size[:-1]), axis=1)
             if not far.any() or omega.size > _MOST:
                 break
             omega = np.sort(np.concatenate([omega, np.sqrt(omega[1:] * omega[:-1])[far]]))
         return omega
 
-    def discs(self, omega: Real) -> Discs:
-        """Discs and polygons that hold the values of all consistent plants at frequencies: those of the proof on arcs."""
-        errors = self.band.circle.sets_at(omega)
-        bound = errors.bound
-        nu, _ = self.loop.shape
-        units = np.ones((omega.size, nu))
-        if self.in_open_loop and self.loop.shape == (1, 1):
-            found = _of_one_entry(omega, self._response.at(points_of(omega, self.dt)), errors)
+    def discs(self, omega: Real, smaller: Real | None = None) -> Discs:
+        """Discs and polygons that hold the values of all consistent plants at frequencies: those of the proof on arcs.
+
+        `smaller`: factors of the errors, (F,).
+        """
+        factor = np.ones(omega.size) if smaller is None else smaller
+        errors, around = self.band.circle.sets_at(omega), self.open_loop(omega)
+        if self.loop.shape == (1, 1):
+            slope = around.part("y", "e")[0] * around.part("x", "r")[0]
+            parts = (around.part("y", "r")[0], slope, around.part("x", "e")[0])
+            found = discs_of_entry(omega, Chart(*(one[:, 0, 0] for one in parts)), smallest_sets(errors, factor))
         elif self.in_open_loop:
-            centre = self._response.at(points_of(omega, self.dt))
-            if nu > 1:  # every input in the unit of its own bounds
-                units = np.linalg.norm(bound, axis=1)
-                units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
+            bound = errors.bound
+            units = np.linalg.norm(bound, axis=1)  # every input in the unit of its own bounds
+            units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
+            if self.loop.shape[0] == 1:
+                units = np.ones(units.shape)
             with np.errstate(invalid="ignore"):  # where nothing is known
                 reach = norm_of_bounds(bound / units[:, None])
-            found = Discs.of(omega, centre, reach, units)
+            found = Discs.of(omega, around.part("y", "r")[0], reach * factor, units)
         else:
-            values = LoopValues.at(self._response.at(points_of(omega, self.dt)), self.loop.shape)
-            every = [balls["process_sensitivity"] for balls in values.over(errors)]
-            found = Discs.of(omega, *functools.reduce(Balls.or_narrower, every), units)
+            (balls,) = [one["process_sensitivity"] for one in around.over(errors)]
+            found = Discs.of(omega, balls.centre, balls.radius * factor, np.ones((omega.size, self.loop.shape[0])))
         _check_bounded(omega, found.radius)
         return found
+
+    def open_loop(self, omega: Real) -> LoopValues:
+        """Values about the model of the loop without a controller."""
+        values, shape = self._response.at(points_of(omega, self.dt)), self.loop.shape
+        if not self.in_open_loop:
+            return LoopValues.at(values, shape)
+        (nu, ny), count = shape, omega.size
+        one, other = (np.broadcast_to(np.eye(k, dtype=complex), (count, k, k)) for k in (nu, ny))
+        none, far = np.zeros((count, nu, 2 * ny)), np.concatenate([other, other], axis=2)
+        rows = [[one, none], [values, far], [one, none]]
+        every = np.concatenate([np.concatenate(row, axis=2) for row in rows], axis=1)
+        return LoopValues.at(np.asarray(every, dtype=complex), shape)
 
     def running(self, omega: Real) -> Complex:
         """Values of the controller that ran, which stabilises all of them, (F, nu, ny)."""
@@ -203,22 +218,6 @@ def _check_bounded(omega: Real, size: Real) -> None:
             f"`bands` must be bounded at every frequency; at {first:.5g} rad/s nothing is known of the plant. Measure there, or"
             " state a class that is bounded there"
         )
-
-
-def _of_one_entry(omega: Real, model: Complex, errors: ErrorSets) -> Discs:
-    """The smallest discs of one input and one output, and polygons that are narrower than these."""
-    about_model = errors.bound < errors.radius
-    centre = np.where(about_model, 0.0, errors.centre)
-    radius = np.minimum(errors.bound, errors.radius)[:, 0, 0]
-    found = Discs.of(omega, model + centre, radius, np.ones((omega.size, 1)))
-    if not errors.corners.shape[1]:
-        return found
-    corners = errors.corners - centre[:, 0]
-    count = int(corners.shape[1])
-    turns: Complex = np.exp(-2j * np.pi * np.arange(count) / count)
-    turned = corners[:, None] * turns[:, None]
-    narrow = np.ptp(turned.real, axis=2).min(axis=1) < _NARROW * 2 * radius
-    return found._replace(corners=np.where(narrow[:, None], corners, 0.0), around=np.where(narrow, 0.0, radius))
 
 
 def _about_fewer_states(band: Band) -> Band:

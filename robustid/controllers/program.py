@@ -72,17 +72,18 @@ class Program:
         """``factors x + slack t + constant >= 0``, (N, m), (N,), (N,)."""
         self.groups.append((Rows(factors[:, None], slack[:, None], constant[:, None]), clarabel.NonnegativeConeT(1)))
 
-    def hold(self, ahead: Real, slack: Real, fixed: Real, small: Complex) -> None:
-        """``ahead x + slack t + fixed >= |small x|``, (N, m), (N,), (N,), (N, m)."""
+    def hold(self, ahead: Real, slack: Real, fixed: Real, small: Complex, rest: Complex) -> None:
+        """``ahead x + slack t + fixed >= |small x + rest|``, (N, m), (N,), (N,), (N, m), (N,)."""
         plain = ~np.any(small, axis=1)
         if plain.any():
-            self.not_negative(ahead[plain], slack[plain], fixed[plain])
-            ahead, slack, fixed, small = ahead[~plain], slack[~plain], fixed[~plain], small[~plain]
+            self.not_negative(ahead[plain], slack[plain], fixed[plain] - np.abs(rest[plain]))
+            ahead, slack, fixed, small, rest = ahead[~plain], slack[~plain], fixed[~plain], small[~plain], rest[~plain]
         if not slack.size:
             return
         factors = np.stack([ahead, small.real, small.imag], axis=1)
         none = np.zeros_like(slack)
-        rows = Rows(factors, np.stack([slack, none, none], axis=1), np.stack([fixed, none, none], axis=1))
+        constant = np.stack([fixed, rest.real, rest.imag], axis=1)
+        rows = Rows(factors, np.stack([slack, none, none], axis=1), constant)
         self.groups.append((rows, clarabel.SecondOrderConeT(3)))
 
     def semidefinite(self, values: Complex, fixed: Complex, slack: Real, helpers: Sequence[Helper]) -> None:

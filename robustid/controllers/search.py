@@ -164,8 +164,13 @@ def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions)
     turned = turn.conj().swapaxes(1, 2)
     if one.a.shape[1:] == (1, 1):
         turned, values = turned[:, 0], basis[:, :, 0, 0]
+        if one.outside:  # Re turned q C - w - unit t >= |a + b C|
+            ahead = np.real(turned * one.q[:, 0] * values)
+            program.hold(ahead, -unit, -one.w, one.b[:, 0] * values, one.a[:, 0, 0])
+            return
         fixed = np.real(turned[:, 0] * one.a[:, 0, 0]) - np.real(turned * one.corners).max(axis=1) - one.w
-        program.hold(np.real(turned * one.b[:, 0] * values), -unit, fixed, one.q[:, 0, 0, None] * values)
+        ahead, small = np.real(turned * one.b[:, 0] * values), one.q[:, 0, 0, None] * values
+        program.hold(ahead, -unit, fixed, small, np.zeros(one.w.shape, complex))
         return
     ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
     fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from robustid.controllers.conditions import Discs
+from robustid.controllers.images import smallest_sets
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.proving import Taken
@@ -106,18 +107,19 @@ def worst_at(plants: Plants, controller: StateMatrices, omega: Real) -> WorstAt:
 
     def loop(at: Real) -> Complex:
         found, value = seen(at)
-        return found.centre[:, 0, 0] * value
+        return found.plant[:, 0, 0] * value
 
     discs, gain = seen(np.sort(np.concatenate([omega, _crossings(loop, omega)])))
-    centre, reach = discs.centre[:, 0, 0], discs.radius * discs.units[:, 0]
-    every = list(_values(centre, gain).over(discs.errors))
+    centre, reach = discs.plant[:, 0, 0], np.where(discs.outside, np.inf, discs.radius * discs.units[:, 0])
+    errors = smallest_sets(plants.band.circle.sets_at(discs.omega), np.ones(discs.omega.size))
+    every = list(closed_by(plants.open_loop(discs.omega), gain).over(errors))
     found = [_sizes(balls, discs.omega) for balls in every]
     sizes = {name: np.minimum.reduce([one[name] for one in found]) for name in found[0]}
     return WorstAt(
         omega=discs.omega,
         centre=centre * gain,
         radius=reach * np.abs(gain),
-        corners=(discs.centre[:, 0] + discs.errors.corners) * gain[:, None],
+        corners=(discs.centre[:, 0] + discs.known_corners) * gain[:, None],
         least=discs.least * np.abs(gain),
         balls=every,
         stable=plants.is_stable_with(controller.model(dt)),
@@ -132,12 +134,19 @@ def _sizes(balls: Mapping[str, Balls], omega: Real) -> dict[str, Real]:
     return found | {"sensitivity": S.largest, "disk": S.about(np.full((1, 1), 0.5)).largest}
 
 
-def _values(centre: Complex, gain: Complex) -> LoopValues:
-    """The loop of plants about a centre with a controller: from r, e and d to u, y and x."""
+def closed_by(around: LoopValues, gain: Complex) -> LoopValues:
+    """The loop of one input and one output without a controller, closed by values of one, (N,)."""
+    (P, _), (left, _) = around.part("y", "r"), around.part("y", "e")
+    (right, _), (inner, _) = around.part("x", "r"), around.part("x", "e")
+    C = gain[:, None, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        S = 1 / (1 + centre * gain)
-        values = [[S, -gain * S, -gain * S], [centre * S, S, S], [S, -gain * S, -gain * S]]
-    return LoopValues.at(np.moveaxis(np.array(values), 2, 0), (1, 1))
+        S = 1 / (1 + P * C)
+        values = [
+            [S, -C * S * left, -C * S],
+            [P * S, S * left, S],
+            [right * S, inner - right * C * S * left, -right * C * S],
+        ]
+    return LoopValues.at(np.block(values), (1, 1))
 
 
 def _outside(loop: Complex) -> Real:

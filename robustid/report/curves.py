@@ -134,7 +134,9 @@ def phase_tick(span: tuple[float, float]) -> float:
 
 def half_angle(size: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Largest phase in degrees between the centre of a disc and its points; 90 where it holds 0, whose phase can be anything."""
-    return np.degrees(np.arcsin(np.minimum(radius / np.maximum(size, radius), 1)))
+    known = np.where(np.isinf(radius), 1.0, radius)
+    largest = np.where(np.isinf(radius), 1.0, np.maximum(size, radius))
+    return np.degrees(np.arcsin(np.minimum(known / largest, 1)))
 
 
 def with_gaps(angle: np.ndarray) -> np.ndarray:

@@ -110,9 +110,9 @@ def open_loop_bode(design: ControllerDesign) -> Chart:
     proofs = proofs_of(design)
     omega, drawn = _frequencies(proofs), MagnitudePhase()
     x, found = omega / HZ, [open_loop_of(one, omega) for one in proofs]
-    sizes = [np.abs(centre) for centre, _ in found]
-    top = 3.0 * max(map(np.max, sizes))
-    floor = max(0.3 * min(map(np.min, sizes)), _LOW * min(top, 1.0))
+    sizes = [np.where(np.isfinite(radius), np.abs(centre), np.nan) for centre, radius in found]  # nan: perhaps infinite
+    top = 3.0 * max(map(np.nanmax, sizes))
+    floor = max(0.3 * min(map(np.nanmin, sizes)), _LOW * min(top, 1.0))
     phases, (low, high) = phase_curves([centre for centre, _ in found])
     for (centre, radius), size, phase in zip(found, sizes, phases, strict=True):
         known = np.isfinite(radius)

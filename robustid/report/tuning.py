@@ -57,7 +57,8 @@ def _open_loop(found: Sequence[WorstAt], before: Sequence[WorstAt], axis: Axis) 
     layers = list[Layer]()
     for one in found:
         size = np.abs(one.centre)
-        low, high = (np.clip(size + sign * one.radius, floor, top) for sign in (-1, 1))
+        least = np.where(np.isinf(one.radius), one.least, size - one.radius)  # the plant may be infinite
+        low, high = (np.clip(edge, floor, top) for edge in (least, size + one.radius))
         layers.append(Layer("|L| of every consistent plant", one.omega / HZ, size, BAND, low=low, high=high, fill=True))
     layers += [Layer(_BEFORE, one.omega / HZ, np.abs(one.centre), FAINT, dash="dot", size=0.6) for one in before]
     layers += [Layer("|L|, centre", one.omega / HZ, np.abs(one.centre), NOMINAL, dash="solid") for one in found]

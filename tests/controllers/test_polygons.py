@@ -12,8 +12,9 @@ from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions
 from robustid.controllers.search import Question, found_for
-from robustid.controllers.worst_at import _values
+from robustid.controllers.worst_at import closed_by
 from robustid.design import PID
+from robustid.guarantees import ErrorSets, LoopValues
 from robustid.guarantees.linear.polygon_discs import hull
 from support.design_cases import DT, sizes_of, values_of
 from support.loop_candidates import consistent_members, is_stable
@@ -46,6 +47,18 @@ def cases(seed, count):
     discs = Discs.of(np.ones(count), centre[:, None, None], radius, np.ones((count, 1)))
     held = discs._replace(corners=corners, around=np.zeros(count))
     return rng, held, centre[:, None] + inside(rng, corners, 600)
+
+
+def around(discs):
+    """The loop of the centres of discs without a controller."""
+    one, F = np.ones(discs.centre.shape), discs.centre
+    return LoopValues.at(np.block([[one, 0 * F, 0 * F], [F, one, one], [one, 0 * F, 0 * F]]), (1, 1))
+
+
+def errors_of(discs):
+    """Their polygons, about the centres."""
+    radius = discs.radius[:, None, None]
+    return ErrorSets(radius, 0j * radius, radius, discs.corners)
 
 
 LIMITS = {
@@ -115,7 +128,7 @@ def test_worst_cases_over_polygons_hold_and_are_near_the_worst_value():
     rng, held, F = cases(3, 1000)
     C = rng.standard_normal(1000) + 1j * rng.standard_normal(1000)
     true, found = sizes_of(F, C[:, None]), {}
-    for balls in _values(held.centre[:, 0, 0], C).over(held.errors):
+    for balls in closed_by(around(held), C).over(errors_of(held)):
         found = {name: np.minimum(ball.largest, found.get(name, np.inf)) for name, ball in balls.items()}
     for name, bound in found.items():
         worst = true[name].max(axis=1)
@@ -124,7 +137,7 @@ def test_worst_cases_over_polygons_hold_and_are_near_the_worst_value():
         if name == "sensitivity":
             clear = worst < 4
             assert np.all(bound[clear] <= worst[clear] * 1.02)
-            discs = _values(held.centre[:, 0, 0], C).balls(held.radius[:, None, None])[name].largest
+            discs = closed_by(around(held), C).balls(held.radius[:, None, None])[name].largest
             assert np.isinf(discs).sum() > 5 * np.sum(~finite)
     outside = Discs.least.fget(held._replace(centre=held.centre + (1 / C)[:, None, None])) > 0.02
     assert np.all(np.isfinite(found["sensitivity"][outside]))
