@@ -4,8 +4,8 @@ Run: OPENBLAS_NUM_THREADS=1 python benchmarks/distances.py. Random plants with u
 (best of three of 2000-point grids of the formula, which is the obvious way and knows no winding number and nothing between
 its points). `short`: what the grid's maximum lacks.
 
-distances.py gains 480: pairs whose gain is 1e-8 or 1e8, against the formula by singular values on 3000 frequencies, the best of them
-refined, and the winding number by the phase of a determinant.
+distances.py gains 480: pairs whose gain is 1e-8 or 1e8, against the formula by singular values on 3000 frequencies, the best of
+them refined, and the winding number by the phase of a determinant.
 """
 
 import sys
@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 import robustid as rid
 from robustid.core import StateMatrices
 from robustid.errors import InputError
-from support.loop_distances import chordal, largest, margin_gain, values, winding_condition
+from support.loop_distances import chordal, margin_gain
+from support.loop_extremes import extreme, gap_by_svd
 from support.loops import as_model, controller_of, plant_of
 
 SIZES = ((1, 4), (5, 20), (3, 40))
@@ -59,49 +60,19 @@ def rows(dt):
         yield "coprime", f"{size}x{size}", order, own, np.nan, np.nan
 
 
-def chordal_by_svd(first, second, points):
-    """The formula where gains are far from 1: (I + P P*)^-1/2 from the singular values of P."""
-
-    def parts(matrices):
-        left, sizes, right = np.linalg.svd(matrices)
-        scales = [np.pad(1 / np.hypot(1, sizes), ((0, 0), (0, n - sizes.shape[1])), constant_values=1.0) for n in matrices.shape[1:]]
-        return left, scales, right
-
-    one, two = values(first, points), values(second, points)
-    (_, (_, inputs), right), (left, (outputs, _), _) = parts(one), parts(two)
-    middle = np.conj(left.swapaxes(1, 2)) @ (one - two) @ np.conj(right.swapaxes(1, 2))
-    return np.linalg.norm(outputs[:, :, None] * middle * inputs[:, None, :], 2, axis=(1, 2))
-
-
-def extreme(seed):
-    """Two plants of a gain of 1e-8 or 1e8, 1x1 to 3x3, near each other or not; with feedthrough or without."""
-    rng = np.random.default_rng([seed, 8])
-    dt, gain = (0.0, 0.1)[seed % 2], (1e-8, 1e8)[seed // 2 % 2]
-    (ny, nu), order = rng.integers(1, 4, 2), int(rng.integers(1, 9))
-    A, B, C, D = plant_of(rng, order, ny, nu, dt)
-    first = StateMatrices(A, B, gain * C, gain * D * (seed // 4 % 2))
-    if seed // 8 % 2:
-        return first, StateMatrices(*(part * (1 + 1e-2 * rng.standard_normal(part.shape)) for part in first)), dt
-    A, B, C, D = plant_of(rng, order, ny, nu, dt)
-    return first, StateMatrices(A, B, gain * C, gain * D), dt
-
-
-def gains(count):
+def gains(count, start=0):
     """Every answer beside the brute force."""
     apart, refused = [], []
-    for seed in range(count):
+    for seed in range(start, count):
         first, second, dt = extreme(seed)
         try:
             found = rid.guarantee.nu_gap(as_model(first, dt), as_model(second, dt)).value
         except InputError:
             refused.append(seed)
             continue
-        marks = np.concatenate([np.linalg.eigvals(system.A) for system in (first, second)])
-        marks = np.angle(marks) if dt else np.concatenate([np.abs(marks), np.abs(marks.imag)])
-        true = 1.0
-        if winding_condition(first, second, dt):
-            true = largest(lambda at, pair=(first, second): chordal_by_svd(*pair, at), dt, marks)
+        true = gap_by_svd(first, second, dt)
         apart.append((abs(found - true) / true, seed, found, true))
+        print(f"{seed:6d} {apart[-1][0]:.1e}  {found:.12g} for {true:.12g}", flush=True)
     apart.sort(reverse=True)
     print(f"{count} pairs, {len(refused)} refused {refused[:20]}; farthest from brute force, relative:")
     for far, seed, found, true in apart[:8]:
@@ -110,7 +81,8 @@ def gains(count):
 
 def main():
     if sys.argv[1:2] == ["gains"]:
-        return gains(int(sys.argv[2]))
+        gains(*map(int, sys.argv[2:]))
+        return
     for dt in (0.0, 0.1):
         print("discrete time" if dt else "continuous time")
         print(f"{'':10}{'size':>5}{'order':>7}{'ms':>8}{'grid ms':>10}{'ratio':>8}{'short':>10}")

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustid.core import Complex, Numbers, Real, StateMatrices, norms, points_of, poles_of
 
@@ -21,7 +21,10 @@ _WINDOW = np.arange(-2, 3)  # the frequencies through which a polynomial goes, a
 # Parts of the way to a neighbour that are looked at: a peak may be much narrower than that.
 _CLOSER = np.concatenate([-(0.1 ** np.arange(1, 4)), 0.1 ** np.arange(1, 4)])
 _ZOOMS, _STEPS, _POWERS = 20, 4, np.arange(5)
-_ASIDE, _GOLDEN = 1e-6, 0.38  # parts of the way at which a new frequency stands: from the best one, and without a polynomial
+_ASIDE, _GOLDEN = (
+    1e-6,
+    0.38,
+)  # parts of the way at which a new frequency stands: from the best one, and without a polynomial
 _DAMPED = 0.3  # damping below which |pole| and its imaginary part are nearer to each other than the resonance is wide
 _MET = 1e-10  # relative: a value that a polynomial foretold so well is that of the peak
 _TURNED, _SAME = (
@@ -253,7 +256,9 @@ def _next_points(omega: Real, found: Real) -> tuple[Real, Real]:
             c = np.full(omega.shape[::-1], np.nan)
         x = np.zeros(len(omega))
         for _ in range(_STEPS):
-            x = x - (c[1] + x * (2 * c[2] + x * (3 * c[3] + x * 4 * c[4]))) / (2 * c[2] + x * (6 * c[3] + x * 12 * c[4]))
+            x = x - (c[1] + x * (2 * c[2] + x * (3 * c[3] + x * 4 * c[4]))) / (
+                2 * c[2] + x * (6 * c[3] + x * 12 * c[4])
+            )
         x = x + _ASIDE * (np.abs(x) < _ASIDE)  # not the best one again
         foretold = height + x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
         inside = (-low < x * way) & (x * way < high) & (foretold >= height * (1 - _MET))
