@@ -31,6 +31,8 @@ from robustid.reduction import doubtful_distance, hinf_norm
 if TYPE_CHECKING:
     import control
 
+_ONE = 1e-6  # below 1 a sine is 1 to rounding where a zero is on the axis to rounding
+
 
 class CoprimeFactors(NamedTuple):
     r"""Stable factors of a system, :math:`P = N D^{-1} = \tilde D^{-1} \tilde N`.
@@ -237,7 +239,7 @@ def nu_gap(
             check_shown(name, system, dt, poles_of(system.A))
         pair = [bilinear_in_s(system, 2.0) if dt else system for system in (one, two)]
         value, omega = _largest_angle(*pair, None, feedback=True)
-        return LoopDistance(value, 2 * np.arctan(omega) / float(dt) if dt else omega)
+        return LoopDistance(value, float(2 * np.arctan(omega)) / float(dt) if dt else omega)
     value, angle = _largest_angle(one, two, dt, feedback=False)
     return LoopDistance(value, angle / float(dt) if dt else angle)
 
@@ -248,7 +250,16 @@ def _largest_angle(one: StateMatrices, two: StateMatrices, dt: float | None, *, 
     back = two.transposed()
     complement = graph_of("second", back, dt, lambda found: graph_complement(found.transposed()), feedback=feedback)
     largest = LargestAngle(graph, complement, discrete=bool(dt))
-    return largest.search() if largest.winds_alike() else (1.0, np.nan)
+    alike = largest.winds_alike()
+    if alike is False:
+        return 1.0, np.nan
+    found = largest.search()
+    if alike is None and found[0] < 1 - _ONE:
+        raise InputError(
+            "`first` and `second` must have gains nearer to 1: rounding hides how often one winds about the other. Scale their"
+            " signals"
+        )
+    return found
 
 
 def _pair(

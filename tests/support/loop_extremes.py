@@ -51,7 +51,7 @@ def highest(first, second, dt):
     if dt:
         return largest(lambda at: chordal_by_svd(first, second, at), dt, np.angle(poles))
     near = np.log10(np.maximum(np.abs(np.concatenate([poles, poles.imag])), 1e-6))
-    marks = np.unique(np.concatenate([np.linspace(-6, 14, 3001), near]))
+    marks = np.unique(np.concatenate([[-300.0], np.linspace(-6, 14, 3001), near]))  # the first is 0
     found = chordal_by_svd(first, second, 1j * 10**marks)
     ends = [one._replace(A=np.zeros((0, 0)), B=one.B[:0], C=one.C[:, :0]) for one in (first, second)]
     best = max(found.max(), chordal_by_svd(*ends, np.ones(1))[0])
