@@ -90,8 +90,8 @@ class LargestAngle(LargestGain):
 
 def _may_cross(states: Numbers) -> bool:
     """Say whether rounding may take an eigenvalue to the other side of the axis, by the conditions after balancing."""
-    states = scipy.linalg.matrix_balance(states, permute=False)[0]
-    values, right = np.linalg.eig(states)
+    states = np.asarray(scipy.linalg.matrix_balance(states, permute=False)[0], dtype=float)
+    values, right = (np.asarray(part, dtype=complex) for part in np.linalg.eig(states))
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:

@@ -237,8 +237,9 @@ def nu_gap(
     if any(ends_large(system, dt) for system in (one, two)):
         for name, system in (("first", one), ("second", two)):
             check_shown(name, system, dt, poles_of(system.A))
-        pair = [bilinear_in_s(system, 2.0) if dt else system for system in (one, two)]
-        value, omega = _largest_angle(*pair, None, feedback=True)
+        if dt:
+            one, two = bilinear_in_s(one, 2.0), bilinear_in_s(two, 2.0)
+        value, omega = _largest_angle(one, two, None, feedback=True)
         return LoopDistance(value, float(2 * np.arctan(omega)) / float(dt) if dt else omega)
     value, angle = _largest_angle(one, two, dt, feedback=False)
     return LoopDistance(value, angle / float(dt) if dt else angle)
