@@ -206,13 +206,14 @@ def nu_gap(
     ------
     InputError, InputTypeError
         If one isn't a finite system with known time base, if they don't match, or if one has a pole that isn't stable and that its
-        inputs do not move or its outputs do not show.
+        inputs do not move or its outputs do not show; if gains are so large that rounding hides the winding number.
 
     Notes
     -----
     It is the largest sine of the angle between the graphs of both plants, of :math:`G_1 = [I; P_1]` and what
     :math:`\tilde G_2 = [-P_2, I]` is zero on; a level is reached nowhere where a Hamiltonian matrix of twice as many states as both
-    have has no eigenvalues on the axis. Normalised factors are in their place where a plant has poles near the axis.
+    have has no eigenvalues on the axis. Normalised factors are in their place where a plant has poles near the axis,
+    factors whose value at infinity is an isometry where that of the plant is large.
 
     The winding condition holds if as many zeros of the square matrix :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie
     right of the axis. Where such a zero comes to the axis, so that its side is a question of rounding, the sine is 1 there: both
