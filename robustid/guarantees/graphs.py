@@ -1,4 +1,4 @@
-"""What spans the graph of a plant, or is zero on it: ``[I; P]``, factors of a feedback, normalised factors."""
+"""Graphs of plants, and what is zero on them: ``[I; P]``, factors of a feedback, normalised factors."""
 
 from __future__ import annotations
 
