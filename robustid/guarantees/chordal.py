@@ -91,13 +91,13 @@ class LargestAngle(LargestGain):
 def _may_cross(states: Numbers) -> bool:
     """Say whether rounding may take an eigenvalue to the other side of the axis, by the conditions after balancing."""
     states = np.asarray(scipy.linalg.matrix_balance(states, permute=False)[0], dtype=float)
-    values, right = (np.asarray(part, dtype=complex) for part in np.linalg.eig(states))
+    values, right = np.linalg.eig(states)
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
         return True
     error = _ROUNDED * np.linalg.norm(states) * np.linalg.norm(left, axis=1)  # the right ones have length 1
-    return bool(np.any(np.abs(values.real) <= error))
+    return bool(np.any(np.abs(np.real(values)) <= error))
 
 
 class _Sines:
