@@ -18,11 +18,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in_s, input_states, poles_of
 from robustid.reduction import LargestGain, Modes, Values, turned
 
 _APART = 1 - 1e-14  # a sine that is 1 but for rounding
+# Relative to its matrix: an eigenvalue so near the axis has its condition looked at; the error of one whose condition is 1.
+_DOUBTED, _ROUNDED = 1e-6, 2e-15
 _LARGE = 1e3  # a gain whose square leaves too few digits of the identity beside it
 
 
@@ -43,8 +46,10 @@ class LargestAngle(LargestGain):
         sums = _Sines(graph.sums, complement.sums) if graph.sums and complement.sums else None
         super().__init__(sums, direct, discrete=discrete)
 
-    def winds_alike(self) -> bool:
+    def winds_alike(self) -> bool | None:
         """The winding condition; also true where the sine is 1 at the end of the axis, so that no sides can be counted.
+
+        None where rounding may move a zero to the other side: of gains far from 1, or where the sine is 1.
 
         As many zeros of the square matrix ``[G, G*]`` of the graph and of the adjoint of the complement as the latter has states
         are right of the axis: no feedback moves them.
@@ -54,7 +59,10 @@ class LargestAngle(LargestGain):
         (A, B, C, D), (E, F, G, H) = self.continuous
         back = np.linalg.solve(np.hstack([D, H.T]), np.hstack([C, F.T]))
         states = _beside(A, -E.T) - np.vstack([B @ back[: B.shape[1]], -G.T @ back[B.shape[1] :]])
-        return np.count_nonzero(poles_of(states).real > 0) == len(E)
+        zeros = poles_of(states)
+        if np.any(np.abs(zeros.real) <= _DOUBTED * np.linalg.norm(states)) and _may_cross(states):
+            return None
+        return bool(np.count_nonzero(zeros.real > 0) == len(E))
 
     def factorised(self) -> Values:
         """The response by two Schur forms."""
@@ -78,6 +86,18 @@ class LargestAngle(LargestGain):
         found[:n, :n], found[n:, n:], found[n:, :n] = states, -_star(states), -_star(outputs) @ rows
         left, right = np.vstack([inputs, -_star(outputs) @ direct]), np.hstack([_star(through) @ rows, _star(inputs)])
         return found - left @ np.linalg.solve(_star(through) @ direct, right)
+
+
+def _may_cross(states: Numbers) -> bool:
+    """Say whether rounding may take an eigenvalue to the other side of the axis, by the conditions after balancing."""
+    states = np.asarray(scipy.linalg.matrix_balance(states, permute=False)[0], dtype=float)
+    values, right = np.linalg.eig(states)
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        return True
+    error = _ROUNDED * np.linalg.norm(states) * np.linalg.norm(left, axis=1)  # the right ones have length 1
+    return bool(np.any(np.abs(np.real(values)) <= error))
 
 
 class _Sines:
@@ -120,4 +140,12 @@ def _product(graph: Complex, complement: Complex) -> Complex:
 
 def _orthonormal(graph: Numbers, complement: Numbers) -> Numbers:
     """A matrix of the same singular values by QR, in three times the time."""
-    return _star(np.linalg.qr(_star(complement))[0]) @ np.linalg.qr(graph)[0]
+    return _star(_basis(_star(complement))) @ _basis(graph)
+
+
+def _basis(columns: Numbers) -> Numbers:
+    """Orthonormal columns of the same range: rows of large entries first, beside which the others would be rounded."""
+    order = np.argsort(-np.abs(columns).max(axis=(0, 2)))
+    found = np.empty_like(columns)
+    found[:, order] = np.linalg.qr(columns[:, order])[0]
+    return found

@@ -10,37 +10,28 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from robustid.core import (
-    Complex,
-    Numbers,
     StateMatrices,
     as_flag,
+    bilinear_in_s,
     closed_loop,
     decay_of,
-    input_states,
     is_well_posed,
     loop_is_stable,
     mirroring_feedback,
-    normalised_factors,
     one_thread,
     poles_of,
     right_factors,
 )
 from robustid.errors import InputError
-from robustid.guarantees.chordal import Graph, LargestAngle
-from robustid.identification import as_system, describe_poles
-from robustid.reduction import MOST_DOUBT, doubtful_distance, hinf_norm, is_stable, modes_of
+from robustid.guarantees.chordal import LargestAngle
+from robustid.guarantees.graphs import check_shown, ends_large, graph_complement, graph_factors, graph_of
+from robustid.identification import as_system
+from robustid.reduction import doubtful_distance, hinf_norm
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import control
 
-_HIDDEN = 1e-13  # of the matrix that tells it: a pole that is moved, or seen, by so little is hidden
-_FAR = 1e-10  # squared singular value, relative: no question of rounding
-# Error of normalised factors at which they are none, and the number of poles at which it is looked for.
-_ISOMETRY, _CHECKED = 1e-6, 4
-# Distance from the axis, relative to A, and from z = -1: poles farther off leave the response of the system itself exact enough.
-_AWAY, _AWAY_FROM_END = 1e-6, 1e-2
+_ONE = 1e-6  # below 1 a sine is 1 to rounding where a zero is on the axis to rounding
 
 
 class CoprimeFactors(NamedTuple):
@@ -215,13 +206,14 @@ def nu_gap(
     ------
     InputError, InputTypeError
         If one isn't a finite system with known time base, if they don't match, or if one has a pole that isn't stable and that its
-        inputs do not move or its outputs do not show.
+        inputs do not move or its outputs do not show; if gains are so large that rounding hides the winding number.
 
     Notes
     -----
     It is the largest sine of the angle between the graphs of both plants, of :math:`G_1 = [I; P_1]` and what
     :math:`\tilde G_2 = [-P_2, I]` is zero on; a level is reached nowhere where a Hamiltonian matrix of twice as many states as both
-    have has no eigenvalues on the axis. Normalised factors are in their place where a plant has poles near the axis.
+    have has no eigenvalues on the axis. Normalised factors are in their place where a plant has poles near the axis,
+    factors whose value at infinity is an isometry where that of the plant is large.
 
     The winding condition holds if as many zeros of the square matrix :math:`[G_1, \tilde G_2^*]` as :math:`P_2` has states lie
     right of the axis. Where such a zero comes to the axis, so that its side is a question of rounding, the sine is 1 there: both
@@ -243,13 +235,33 @@ def nu_gap(
     LoopDistance(value=1.0, omega=nan)
     """
     one, dt, two = _pair(("first", first), ("second", second), opposite=False)
-    graph = _graph("first", one, dt)
-    complement = _graph("second", two.transposed(), dt, lambda found: graph_complement(found.transposed()))
-    largest = LargestAngle(graph, complement, discrete=bool(dt))
-    if not largest.winds_alike():
-        return LoopDistance(1.0, np.nan)
-    value, angle = largest.search()
+    if any(ends_large(system, dt) for system in (one, two)):
+        for name, system in (("first", one), ("second", two)):
+            check_shown(name, system, dt, poles_of(system.A))
+        if dt:
+            one, two = bilinear_in_s(one, 2.0), bilinear_in_s(two, 2.0)
+        value, omega = _largest_angle(one, two, None, feedback=True)
+        return LoopDistance(value, float(2 * np.arctan(omega)) / float(dt) if dt else omega)
+    value, angle = _largest_angle(one, two, dt, feedback=False)
     return LoopDistance(value, angle / float(dt) if dt else angle)
+
+
+def _largest_angle(one: StateMatrices, two: StateMatrices, dt: float | None, *, feedback: bool) -> tuple[float, float]:
+    """The nu-gap, and the frequency in continuous time, or the angle."""
+    graph = graph_of("first", one, dt, feedback=feedback)
+    back = two.transposed()
+    complement = graph_of("second", back, dt, lambda found: graph_complement(found.transposed()), feedback=feedback)
+    largest = LargestAngle(graph, complement, discrete=bool(dt))
+    alike = largest.winds_alike()
+    if alike is False:
+        return 1.0, np.nan
+    found = largest.search()
+    if alike is None and found[0] < 1 - _ONE:
+        raise InputError(
+            "`first` and `second` must have gains nearer to 1: rounding hides how often one winds about the other. Scale their"
+            " signals"
+        )
+    return found
 
 
 def _pair(
@@ -271,81 +283,6 @@ def _pair(
     return first, dt if base is None else base, last
 
 
-def _graph(
-    name: str, system: StateMatrices, dt: float | None, then: Callable[[StateMatrices], StateMatrices] = lambda one: one
-) -> Graph:
-    """Find what spans the graph of a system: ``[I; P]``, or normalised factors where poles are near the axis, or near z = -1."""
-    found = then(right_factors(system, np.zeros((system.B.shape[1], len(system.A)))))
-    sums = modes_of(found)
-    poles = sums.poles if sums else poles_of(system.A)
-    distance = np.abs(np.abs(poles) - 1) if dt else np.abs(poles.real)
-    if np.any(distance <= _AWAY * np.linalg.norm(system.A)) or (dt and np.any(np.abs(poles + 1) < _AWAY_FROM_END)):
-        found = then(graph_factors(name, system, dt))
-        return Graph(found, modes_of(found))
-    _check_shown(name, system, dt, poles)
-    return Graph(found, sums)
-
-
-def graph_factors(name: str, system: StateMatrices, dt: float | None) -> StateMatrices:
-    """The normalised right factors ``[D; N]``, checked: stable, and an isometry where rounding weighs most."""
-    _check_shown(name, system, dt, poles_of(system.A))
-    try:
-        found = normalised_factors(system, dt or 0.0)
-    except (np.linalg.LinAlgError, InputError):
-        found = None
-    if found is None or not _is_isometry(found, dt):
-        raise InputError(
-            f"`{name}` must have normalised factors that are stable by more than rounding; the Riccati equation gave none."
-            " Scale its signals, so that its gain is about 1"
-        )
-    return found
-
-
-def _check_shown(name: str, system: StateMatrices, dt: float | None, poles: Complex) -> None:
-    """Refuse poles that are not stable and that no input moves or no output shows, relative to the matrices."""
-    A, B, C, _ = system
-    distance = 1 - np.abs(poles) if dt else -poles.real
-    stable = distance > 0
-    if np.any(np.abs(distance) <= MOST_DOUBT * np.linalg.norm(A)):
-        poles, stable = is_stable(A, dt or 0)
-    poles = poles[~stable & (poles.imag >= 0)]
-    shifted = poles[:, None, None] * np.eye(len(A)) - A
-    hidden = np.zeros(poles.size, dtype=bool)
-    for left, part in ((shifted, B), (shifted.swapaxes(1, 2), C.T)) if poles.size else ():
-        both = np.concatenate([left, np.broadcast_to(part, (poles.size, *part.shape))], axis=2)
-        if not _far_from_singular(both):
-            levels = np.linalg.svd(both, compute_uv=False)
-            hidden |= levels[:, -1] <= _HIDDEN * levels[:, 0]
-    if hidden.any():
-        raise InputError(
-            f"`{name}` must be moved by its inputs and seen in its outputs where it isn't stable; it has a hidden"
-            f" {describe_poles(poles[hidden], dt)}. Leave such states out"
-        )
-
-
-def _far_from_singular(rows: Numbers) -> bool:
-    """Say whether rows are independent by much more than rounding, which a Cholesky factorisation tells in little time."""
-    gram = rows @ rows.conj().swapaxes(1, 2)
-    room = _FAR * np.trace(gram, axis1=1, axis2=2).real
-    try:
-        np.linalg.cholesky(gram - room[:, None, None] * np.eye(gram.shape[1]))
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
-def _is_isometry(factors: StateMatrices, dt: float | None) -> bool:
-    """Say whether factors are stable and normalised to working precision, at the frequencies of the slowest poles."""
-    poles = poles_of(factors.A)
-    if not decay_of(poles, dt or 0.0) > 0:
-        return False
-    slowest = np.argsort(1 - np.abs(poles) if dt else -poles.real)[:_CHECKED]
-    places = poles[slowest].imag * 1j if not dt else np.exp(1j * np.angle(poles[slowest]))
-    values = factors.D + factors.C @ input_states(factors.A, factors.B, places)
-    excess = values.conj().swapaxes(1, 2) @ values - np.eye(values.shape[2])
-    return bool(np.all(np.abs(excess) <= _ISOMETRY))
-
-
 def _mirror(system: StateMatrices, normalised: list[StateMatrices], dt: float | None) -> float:
     """The decay at which poles that aren't stable are mirrored: 0, but where some are on the axis."""
     poles, doubt = doubtful_distance(system.A)
@@ -360,10 +297,3 @@ def _parts(factors: StateMatrices, count: int) -> tuple[StateMatrices, StateMatr
     """The first rows, and the others."""
     A, B, C, D = factors
     return StateMatrices(A, B, C[:count], D[:count]), StateMatrices(A, B, C[count:], D[count:])
-
-
-def graph_complement(left: StateMatrices) -> StateMatrices:
-    """``[-N, D]`` from the left factors ``[D, N]``: 0 times the right factors ``[D; N]`` of the same system."""
-    A, B, C, D = left
-    ny = len(C)
-    return StateMatrices(A, np.hstack([-B[:, ny:], B[:, :ny]]), C, np.hstack([-D[:, ny:], D[:, :ny]]))

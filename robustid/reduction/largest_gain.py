@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustid.core import Complex, Numbers, Real, StateMatrices, norms, points_of, poles_of
 
@@ -17,13 +17,16 @@ _ROUNDS = 30
 _NEAR, _NEAR_ZERO = 1e-3, 1e-7
 _SHARP = 0.99  # of the level: a feedthrough so large makes the Hamiltonian matrix ill-conditioned
 _REFINED, _LOW = 4, 0.9  # peaks that are refined, if they aren't much lower than the best
-_BESIDE = np.array([-1, 0, 1])
-_CLOSER = 0.1 ** np.arange(
-    1, 4
-)  # parts of the way to a neighbour that are looked at: a peak may be much narrower than that
-_ZOOMS = 20
+_WINDOW = np.arange(-2, 3)  # the frequencies through which a polynomial goes, about the best one
+# Parts of the way to a neighbour that are looked at: a peak may be much narrower than that.
+_CLOSER = np.concatenate([-(0.1 ** np.arange(1, 4)), 0.1 ** np.arange(1, 4)])
+_ZOOMS, _STEPS, _POWERS = 20, 4, np.arange(5)
+_ASIDE, _GOLDEN = (
+    1e-6,
+    0.38,
+)  # parts of the way at which a new frequency stands: from the best one, and without a polynomial
 _DAMPED = 0.3  # damping below which |pole| and its imaginary part are nearer to each other than the resonance is wide
-_CURVED = 3e-6  # relative: a parabola of so little height is right to its square
+_MET = 1e-10  # relative: a value that a polynomial foretold so well is that of the peak
 _TURNED, _SAME = (
     1e6,
     1e-10,
@@ -92,7 +95,6 @@ class LargestGain(ABC):
         self.discrete, self.direct, self.summed = discrete, direct, sums is not None
         self.response = sums or self.factorised()
         self.value, self.omega, self.lowest = 0.0, np.inf, 0.0
-        self.low = _LOW  # of the best: what is lower is no peak worth refining
 
     @abstractmethod
     def factorised(self) -> Values:
@@ -125,7 +127,7 @@ class LargestGain(ABC):
         if values[0] > _SHARP * self.value:  # else 0 serves, and with it real matrices
             lowest = marks[np.argmin(values)]
             self.lowest = float(np.tan(lowest / 2) if self.discrete else lowest)
-        self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
+        self._zoom(marks, values)
         for _ in range(_ROUNDS):
             self._settle()
             crossings = self._crossings(self.value * (1 + _RTOL))
@@ -140,7 +142,7 @@ class LargestGain(ABC):
             values = self._look(marks)
             if self.value <= before * (1 + _RTOL):
                 break
-            self._zoom(marks, values, np.argsort(values)[::-1][:_REFINED])
+            self._zoom(marks, values)
         return self.value, self.omega
 
     def _settle(self) -> None:
@@ -152,24 +154,26 @@ class LargestGain(ABC):
         if abs(before - self.value) > _SAME * self.value:
             self.response, self.summed = self.factorised(), False
 
-    def _look(self, frequencies: ArrayLike) -> Real:
+    def _look(self, frequencies: ArrayLike, low: float = _LOW) -> Real:
         """Largest singular values at the frequencies, where they are not much lower than the largest of all, which is kept.
 
         Elsewhere what is surely reached, from the sum of squares.
         """
         omega = np.asarray(frequencies, dtype=float)
-        found = self._at(omega)
-        if found.size and np.max(found) > self.value:
-            self.value, self.omega = float(np.max(found)), float(omega[np.argmax(found)])
+        found = self._at(omega, low)
+        best = np.argmax(found)
+        if found[best] > self.value:
+            place = abs(float(omega[best]))
+            self.value, self.omega = float(found[best]), min(place, 2 * np.pi - place) if self.discrete else place
         return found
 
-    def _at(self, omega: Real) -> Real:
+    def _at(self, omega: Real, low: float) -> Real:
         values = self.response.at(points_of(omega, 1.0 if self.discrete else None))
         if 1 in self.direct.shape:
             return norms(values)
         squares: Real = np.linalg.norm(values, axis=(1, 2))
         found = squares / np.sqrt(min(self.direct.shape))
-        high = squares >= self.low * max(self.value, float(np.max(found, initial=0.0)))
+        high = squares >= low * max(self.value, float(np.max(found)))
         # Gram matrices hold the largest singular value to rounding, for half of the time.
         best = values[high]
         adjoint = best.conj().swapaxes(1, 2)
@@ -177,23 +181,32 @@ class LargestGain(ABC):
         found[high] = np.sqrt(np.linalg.eigvalsh(best @ adjoint if wide else adjoint @ best)[:, -1])
         return found
 
-    def _zoom(self, marks: Real, values: Real, best: NDArray[np.intp]) -> None:
-        """Peaks at the best of some frequencies, refined between their neighbours: all of them in each round."""
-        sides = np.clip(best[:, None] + _BESIDE, 0, marks.size - 1)
-        omega, found = marks[sides], values[sides]
+    def _zoom(self, marks: Real, values: Real) -> None:
+        """Peaks at the best of some ascending frequencies, refined between their neighbours: all of them in each round.
+
+        The response is that of a real system, the same at both sides of 0, and of pi in discrete time.
+        """
+        if marks.size < 3:  # 0 alone: there is no other pole
+            return
+        top = 2 * np.pi - marks[-2:-4:-1] if self.discrete else marks[-1:] * [2, 3]
+        beyond = values[-2:-4:-1] if self.discrete else np.zeros(2)
+        omega = np.concatenate([-marks[2:0:-1], marks, top])
+        found = np.concatenate([values[2:0:-1], values, beyond])
+        peaks = 1 + np.flatnonzero((found[1:-1] >= found[:-2]) & (found[1:-1] > found[2:]))
+        peaks = peaks[np.argsort(found[peaks])[: -_REFINED - 1 : -1]]
+        rows = np.clip(peaks[:, None], 2, omega.size - 3) + _WINDOW
+        omega, found = omega[rows], found[rows]
         for count in range(_ZOOMS):
-            self.low = 1 - (1 - _LOW) * _CLOSER[0] ** count  # what a parabola may still rise by shrinks with its square
-            rows = found[:, 1] >= self.low * self.value
-            if not rows.any():  # the peak is elsewhere
+            low = 1 - (1 - _LOW) * 0.1**count  # what a polynomial may still rise by shrinks
+            high = found.max(axis=1) >= low * self.value
+            omega, found = omega[high], found[high]
+            if not found.size:  # the peak is elsewhere
                 break
-            omega, found = omega[rows], found[rows]
-            way = (omega[:, [0, 2]] - omega[:, [1]])[..., None] * _CLOSER
-            points = np.hstack([_vertices(omega, found)[:, None], omega[:, [1]] + way.reshape(len(omega), -1)])
-            seen = self._look(points.ravel()).reshape(points.shape)
-            if np.all(found[:, 1:2] - found <= _CURVED * self.value):
+            points, foretold = _next_points(omega, found)
+            seen = self._look(points.ravel(), 0.0).reshape(points.shape)
+            if np.all(np.abs(seen[:, 0] - foretold) <= _MET * self.value):
                 break
-            omega, found = _best_three(np.hstack([omega, points]), np.hstack([found, seen]))
-        self.low = _LOW
+            omega, found = _about_the_best(np.hstack([omega, points]), np.hstack([found, seen]))
 
     def _crossings(self, level: float) -> Real:
         """Frequencies in continuous time where a singular value may be `level`, none of them missing; ascending."""
@@ -218,18 +231,39 @@ def turned(system: StateMatrices, pivot: float | None) -> tuple[Numbers, Numbers
     return back, back @ b, -c @ back, d - c @ back @ b
 
 
-def _best_three(omega: Real, found: Real) -> tuple[Real, Real]:
-    """In each row the frequency with the largest value, between its neighbours."""
+def _about_the_best(omega: Real, found: Real) -> tuple[Real, Real]:
+    """In each row the frequency with the largest value, and two at each side of it."""
     order = np.argsort(omega, axis=1)
-    middle = np.argmax(np.take_along_axis(found, order, 1), axis=1)[:, None]
-    kept = np.take_along_axis(order, np.clip(middle + _BESIDE, 0, omega.shape[1] - 1), 1)
+    best = np.argmax(np.take_along_axis(found, order, 1), axis=1)[:, None]
+    kept = np.take_along_axis(order, np.clip(best, 2, omega.shape[1] - 3) + _WINDOW, 1)
     return np.take_along_axis(omega, kept, 1), np.take_along_axis(found, kept, 1)
 
 
-def _vertices(omega: Real, values: Real) -> Real:
-    """Vertex of the parabola through each row of three frequencies, of which the middle one is the best."""
-    low, high = omega[:, 1] - omega[:, 0], omega[:, 2] - omega[:, 1]
-    left, right = values[:, 1] - values[:, 0], values[:, 1] - values[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        step = (left * high**2 - right * low**2) / (2 * (left * high + right * low))
-    return omega[:, 1] + np.where(np.isfinite(step), np.clip(step, -low, high), 0.0)
+def _next_points(omega: Real, found: Real) -> tuple[Real, Real]:
+    """In each row of five frequencies the peak of the polynomial through them, then points beside the best; and what it foretells.
+
+    nan where there is no such peak between the neighbours of the best, unless all are as high.
+    """
+    rows, best = np.arange(len(omega)), np.clip(np.argmax(found, axis=1), 1, 3)
+    middle, height = omega[rows, best], found[rows, best]
+    low, high = middle - omega[rows, best - 1], omega[rows, best + 1] - middle
+    way = np.maximum(low, high)
+    with np.errstate(all="ignore"):
+        powers = ((omega - middle[:, None]) / way[:, None])[:, :, None] ** _POWERS
+        try:
+            c = np.linalg.solve(powers, (found - height[:, None])[:, :, None])[:, :, 0].T
+        except np.linalg.LinAlgError:  # two frequencies are the same to rounding
+            c = np.full(omega.shape[::-1], np.nan)
+        x = np.zeros(len(omega))
+        for _ in range(_STEPS):
+            x = x - (c[1] + x * (2 * c[2] + x * (3 * c[3] + x * 4 * c[4]))) / (
+                2 * c[2] + x * (6 * c[3] + x * 12 * c[4])
+            )
+        x = x + _ASIDE * (np.abs(x) < _ASIDE)  # not the best one again
+        foretold = height + x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])))
+        inside = (-low < x * way) & (x * way < high) & (foretold >= height * (1 - _MET))
+    flat = height - np.minimum(found[rows, best - 1], found[rows, best + 1]) <= _MET * height
+    peak = middle + np.where(inside, x * way, _GOLDEN * high)
+    beside = np.hstack([low[:, None] * _CLOSER[:3], high[:, None] * _CLOSER[3:]])
+    points = np.hstack([peak[:, None], middle[:, None] + beside])
+    return points, np.where(inside, foretold, np.where(flat, height, np.nan))

@@ -6,8 +6,9 @@ import pytest
 
 import robustid as rid
 from robustid.core import Response, StateMatrices
-from robustid.errors import InputTypeError
+from robustid.errors import InputError, InputTypeError
 from support.loop_distances import angles_of_graphs, chordal, gap, largest, margin_gain
+from support.loop_extremes import extreme, gap_by_svd
 from support.loops import as_model, controller_of, plant_of, points
 from support.refusals import refusals
 
@@ -63,6 +64,20 @@ def test_gap_is_what_brute_force_finds(dt, seeds):
         assert angles_of_graphs(*pair, points(dt)) == pytest.approx(chordal(*pair, points(dt)), rel=1e-6, abs=1e-12)
         assert gap_of(*pair, dt) == pytest.approx(expected, rel=1e-8), seed
     assert 0.1 * seeds < wound < 0.6 * seeds  # both cases are met
+
+
+@pytest.mark.parametrize("seed", [6, 11, 18, 30])
+def test_gap_of_plants_of_a_large_gain(seed):
+    """Beside 1e16 the identity in the formula is rounded away: a peak was missed, a sine off by 1e-7, a matrix singular."""
+    first, second, dt = extreme(seed)
+    assert gap_of(first, second, dt) == pytest.approx(gap_by_svd(first, second, dt), rel=1e-9)
+
+
+def test_a_winding_number_that_rounding_hides_is_refused():
+    first, second, dt = extreme(298)
+    assert gap_by_svd(first, second, dt) < 0.01
+    with pytest.raises(InputError, match="winds about the other"):  # it was answered with 1
+        gap_of(first, second, dt)
 
 
 @pytest.mark.parametrize("seeds", [2, pytest.param(300, marks=pytest.mark.slow)])

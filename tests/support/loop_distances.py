@@ -70,7 +70,12 @@ def largest(function, dt, marks, count=3000):
     return best
 
 
-def winding_condition(first, second, dt, offset=0.0):
+def plain_determinant(one, back):
+    """det(I + P2~ P1)."""
+    return np.linalg.det(np.eye(one.shape[2]) + back @ one)
+
+
+def winding_condition(first, second, dt, offset=0.0, determinant=plain_determinant):
     """wno det(I + P2~ P1) + unstable poles of P1 - poles of P2 that aren't stable is zero, by the phase of the determinant.
 
     The contour runs right of the axis (outside of the circle) by `offset`, with poles on the axis to its left.
@@ -82,7 +87,7 @@ def winding_condition(first, second, dt, offset=0.0):
     def phases(angles):
         points = np.exp(offset + 1j * angles) if dt else offset + 1j * np.tan(angles / 2)
         one, two = values(first, points), values(second, 1 / points if dt else -points)
-        return np.angle(np.linalg.det(np.eye(one.shape[2]) + two.swapaxes(1, 2) @ one))
+        return np.angle(determinant(one, two.swapaxes(1, 2)))
 
     # Around a pole near the axis the phase turns within its distance: a grid that gets closer and closer to all of them.
     near = np.concatenate(poles)
