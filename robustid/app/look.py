@@ -32,6 +32,7 @@ from robustid.formats import (
     read_said,
     read_table,
     record_pairs,
+    seconds_in,
 )
 from robustid.identification import sample_faults
 
@@ -337,7 +338,8 @@ def _range(item: Item) -> str:
     if step:
         words += f", evenly spaced by {step:.6g}"
         if _TIME.search(item.name):
-            words += f" (as seconds: {1 / step:.6g} samples per second)"
+            scale = seconds_in(item.address)
+            words += f" ({'as seconds: ' if scale is None else ''}{1 / (step * (scale or 1)):.6g} samples per second)"
         elif _AXIS.search(item.name) and not item.unit:
             top = float(finite.max())
             words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"

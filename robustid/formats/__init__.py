@@ -9,6 +9,7 @@ from robustid.formats.model_files import StoredModel, load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.formats.readers import read_table
 from robustid.formats.record_pairs import record_pairs
+from robustid.formats.role_lookup import seconds_in
 from robustid.formats.role_names import FREQUENCY, NAMES, TIME
 from robustid.formats.saved import WRITERS
 from robustid.formats.table import Table
@@ -39,6 +40,7 @@ __all__ = [
     "save_model",
     "scattering_model",
     "scattering_of",
+    "seconds_in",
     "write_spice",
     "write_touchstone",
     "write_universal",

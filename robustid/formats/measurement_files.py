@@ -132,7 +132,7 @@ def kind_of_file(path: str | os.PathLike[str], decimal: str | None = None) -> st
 
 def _is_model(table: Table) -> bool:
     """A model, and no measurements beside its matrices."""
-    return is_model(table) and Lookup(table, {}).looks() is None
+    return is_model(table) and Lookup(table, {}).measured() is None
 
 
 def _refuse(names: list[str], what: str) -> None:

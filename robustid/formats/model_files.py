@@ -101,6 +101,8 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> cont
         The file is missing, foreign, or lacks a matrix; or its matrices aren't finite numbers of sizes that belong together.
     """
     path = pathlib.Path(path)
+    if path.is_dir():
+        raise FileFormatError(f"{path} is a folder without a saved result; a model is a .npz or .mat file")
     if not path.is_file():
         raise FileFormatError(f"there is no file {path}")
     if path.suffix.lower() not in (".npz", ".mat"):
