@@ -1,5 +1,7 @@
 """The block of a positive-real class: from stored matrices, and by quadrature without them."""
 
+# pyright: reportConstantRedefinition=false
+# Matrices have capital letters.
 from __future__ import annotations
 
 import abc
