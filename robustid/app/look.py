@@ -93,12 +93,12 @@ class Look(Frozen):
 
     @functools.cached_property
     def data(self) -> object:
-        """What `load` makes of it; None where it needs to be told more."""
+        """The measurements or the model that `load` makes of it; None where it needs to be told more."""
         return self.found.model() if isinstance(self.found, StoredModel) else self.found
 
     @property
     def read_as(self) -> str:
-        """What was read, in words; "" where it needs to be told more."""
+        """Words for what was read; "" where it needs to be told more."""
         if self.found is None:
             return ""
         return self.found.words() if isinstance(self.found, StoredModel) else repr(self.found)
