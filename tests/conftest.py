@@ -10,6 +10,9 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Recorded numbers are compared: processors with wider instructions sum in another order, in kernels of their own.
 os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
+# These colour what is captured and compared, on a terminal's word or on a server's.
+for _name in ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE", "PY_COLORS", "GITHUB_ACTIONS"):
+    os.environ.pop(_name, None)
 sys.path.insert(0, str(pathlib.Path(__file__).parent))  # `support`, also where a test runs alone
 
 

@@ -88,7 +88,7 @@ def _source(one: Look, folder: Path, arguments: Mapping[str, object]) -> _Source
     edits: list[str] = []
     checks: list[str] = []
     response = one.kind == "frequency"
-    lines = [f"# {one.how}" + (f"; {one.data!r}" if one.data is not None and not is_array(one.data) else "")]
+    lines = [f"# {one.how}" + (f"; {one.read_as}" if one.found is not None and not is_array(one.found) else "")]
     lines += [f"# Looks odd: {fault}" for fault in one.faults]
     lines += ["[[frequency]]" if response else "[[record]]", f"file = {json.dumps(os.path.relpath(one.path, folder))}"]
     lines += [f"{key} = {_toml(value)}" for key, value in arguments.items() if key not in one.unknown]
@@ -96,13 +96,13 @@ def _source(one: Look, folder: Path, arguments: Mapping[str, object]) -> _Source
     if one.correction:
         checks.append(f"# correct = [{json.dumps(one.correction)}]  # undoes what looks odd; without the # it is done")
         lines.append(checks[-1])
-    if one.data is None:
+    if one.found is None:
         checks.append(f"# Check these lines: {' '.join(one.refusal.split())}")
         lines.append(checks[-1])
-    bounded = getattr(one.data, "bound", None) is not None
+    bounded = getattr(one.found, "bound", None) is not None
     if response and not bounded:
         words = "the radius of the error disc of every frequency point, or a part of the response"
-        own = one.bound or ("one is taken from the data" if one.data is None else "")
+        own = one.bound or ("one is taken from the data" if one.found is None else "")
         edits += [] if own else [f'bound = "5%"  # EDIT: {words}']
         lines += [f'# bound = "5%"  # {words}; without it: {own}'] if own else []
     if not response:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import os
 import re
@@ -15,7 +16,7 @@ from robustid.app.load_save import load
 from robustid.app.run.reading import option_words, values_of_options
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, with_option
-from robustid.core import Frozen, Options, Real, Record, exponents_of, hz_words, time_words
+from robustid.core import Frozen, Options, Real, Record, hz_words
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
@@ -23,6 +24,7 @@ from robustid.formats import (
     FREQUENCY,
     TIME,
     Item,
+    StoredModel,
     Table,
     contents,
     heading,
@@ -30,6 +32,7 @@ from robustid.formats import (
     read_said,
     read_table,
     record_pairs,
+    seconds_in,
 )
 from robustid.identification import sample_faults
 
@@ -38,7 +41,6 @@ _STANDS_FOR = {"dt": 1.0, "frequency_unit": "Hz"}  # for what nobody has said
 _CORRECT = "--frequency-correct"
 _FEW = 8  # rows of a spectrum
 _SEEN = 2500  # values of a response from whose scatter a bound is taken
-_SEEN_STATES = 600  # of a model whose modes are taken
 _MANY = 12  # things that are listed
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
 _AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
@@ -57,8 +59,6 @@ class Look(Frozen):
     rows : tuple of (address, shape, range or text)
     faults : tuple of Fault
         What is odd.
-    data : object or None
-        What `load` makes of it; None where it needs to be told more.
     refusal, argument : str
         Then why; and the argument of `load` that is wrong or missing, where it is a single one.
     arguments : dict
@@ -73,13 +73,15 @@ class Look(Frozen):
         Frequency response or time record, as far as the file or the arguments say it.
     joined : dict
         The same as the `fields` of one record of several inputs and outputs; {} where their lengths differ.
+    found : object or None
+        What was read, a model by its matrices; `data` is what `load` makes of it.
     """
 
     path: str
     how: str
     rows: tuple[tuple[str, str, str], ...]
     faults: tuple[Fault, ...]
-    data: object = None
+    found: object = None
     refusal: str = ""
     argument: str | None = None
     arguments: Options = dataclasses.field(default_factory=Record)
@@ -89,11 +91,23 @@ class Look(Frozen):
     kind: str = ""
     joined: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])
 
+    @functools.cached_property
+    def data(self) -> object:
+        """The measurements or the model that `load` makes of it; None where it needs to be told more."""
+        return self.found.model() if isinstance(self.found, StoredModel) else self.found
+
+    @property
+    def read_as(self) -> str:
+        """Words for what was read; "" where it needs to be told more."""
+        if self.found is None:
+            return ""
+        return self.found.words() if isinstance(self.found, StoredModel) else repr(self.found)
+
     @property
     def next(self) -> tuple[str, ...]:
         """Lines to go on with, in Python and for the program."""
         name = self.path
-        if self.data is None and not self.arguments:
+        if self.found is None and not self.arguments:
             return ()
         _, called = self.step
         written = {"new": ["-o", "run.toml"], "export": ["-o", "model.m"], "identify": ["--report", "report.html"]}
@@ -108,17 +122,17 @@ class Look(Frozen):
     @property
     def step(self) -> tuple[str, list[str]]:
         """The command to go on with: in words, and as arguments, with which it runs; none where no command takes the file."""
-        if isinstance(self.data, FrequencyResponse):
-            known = self.data.bound is not None or bool(self.bound)
+        if isinstance(self.found, FrequencyResponse):
+            known = self.found.bound is not None or bool(self.bound)
             what = "a model with a proof" if known else "a model by least squares; with --frequency-bound, a proof"
             called = ["identify", "--frequency", self.path] if known else ["fit", self.path, "--order", "auto"]
             called += self.as_options()
             return what, with_option(called, _CORRECT, self.correction) if self.correction else called
-        if not self.kind and self.data is not None:
-            model = hasattr(self.data, "nstates")
+        if not self.kind and self.found is not None:
+            model = isinstance(self.found, StoredModel)
             return ("the model for another program", ["export", self.path]) if model else ("", [])
         period = next((fault.size for fault in self.faults if fault.kind is FaultKind.UNSTATED_PERIOD), None)
-        alone = isinstance(self.data, TimeRecord) and self.data.u.shape[1] == 1 and not self.looped
+        alone = isinstance(self.found, TimeRecord) and self.found.u.shape[1] == 1 and not self.looped
         if period and alone and not self.faulty:
             called = ["frf", self.path, *self.as_options(), "--period", f"{period:.0f}"]
             return "the frequency response, with its bound", called
@@ -129,7 +143,7 @@ class Look(Frozen):
     @property
     def looped(self) -> bool:
         """True of records with a reference: a controller ran."""
-        records = self.data if is_array(self.data) else [self.data]
+        records = self.found if is_array(self.found) else [self.found]
         return any(isinstance(one, TimeRecord) and one.reference is not None for one in records)
 
     def as_options(self) -> list[str]:
@@ -144,14 +158,14 @@ class Look(Frozen):
     def faulty(self) -> bool:
         """True where data that could be read have a fault; a period that nothing states is found, and is none."""
         odd = [fault for fault in self.faults if not fault.undone and fault.kind is not FaultKind.UNSTATED_PERIOD]
-        return self.data is not None and bool(odd)
+        return self.found is not None and bool(odd)
 
     @property
     def correction(self) -> str:
         """The first correction that undoes something odd of all that the file holds; "" where there is none."""
-        if not isinstance(self.data, FrequencyResponse | TimeRecord):
+        if not isinstance(self.found, FrequencyResponse | TimeRecord):
             return ""
-        of_records = isinstance(self.data, TimeRecord)
+        of_records = isinstance(self.found, TimeRecord)
         fitting = (f for f in self.faults if not f.undone and (of_records or not f.of_records))
         return next((fault.correction for fault in fitting if fault.correction), "")
 
@@ -171,8 +185,8 @@ class Look(Frozen):
     def sentences(self) -> list[str]:
         """Sentences on what was made of it, and what is odd."""
         lines: list[str] = []
-        if self.data is not None:
-            lines.append(f"read as {_model_words(self.data) if hasattr(self.data, 'nstates') else repr(self.data)}")
+        if self.found is not None:
+            lines.append(f"read as {self.read_as}")
         if self.bound:
             lines.append(f"no error bound is stated; one taken from the data: {self.bound}")
         if self.refusal:
@@ -256,7 +270,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         "joined": joined,
         "kind": kind,
     }
-    return Look(path=str(path), how=how, rows=rows, faults=tuple(odd), data=data, bound=own, **told)
+    return Look(path=str(path), how=how, rows=rows, faults=tuple(odd), found=data, bound=own, **told)
 
 
 def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ...]]:
@@ -278,19 +292,6 @@ def _kind(table: Table, tried: Mapping[str, Any]) -> str:
     if roles & set(TIME) or roles & set(FREQUENCY):
         return "time" if roles & set(TIME) else "frequency"
     return origin(table, "frequency", None).kind or ""
-
-
-def _model_words(model: Any) -> str:
-    """Size of a model and its least damped modes: matrices are for programs."""
-    size = f"a model of {model.nstates} states, {model.noutputs} outputs and {model.ninputs} inputs, {time_words(model.dt)}"
-    if not 0 < model.nstates <= _SEEN_STATES:
-        return size
-    poles = exponents_of(np.asarray(model.poles(), dtype=complex), model.dt or None)
-    unstable, pairs = int(np.sum(poles.real > 0)), poles[(poles.imag > 0) & np.isfinite(poles)]
-    lightest = sorted(pairs, key=lambda s: -s.real / abs(s))[:3]
-    size += f", {unstable} of them unstable" if unstable else ""
-    modes = [f"{hz_words(abs(s) / (2 * np.pi))} (damping {-s.real / abs(s):.3g})" for s in lightest]
-    return size + (f"; least damped of {pairs.size} modes: {', '.join(modes)}" if modes else "")
 
 
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
@@ -337,7 +338,8 @@ def _range(item: Item) -> str:
     if step:
         words += f", evenly spaced by {step:.6g}"
         if _TIME.search(item.name):
-            words += f" (as seconds: {1 / step:.6g} samples per second)"
+            scale = seconds_in(item.address)
+            words += f" ({'as seconds: ' if scale is None else ''}{1 / (step * (scale or 1)):.6g} samples per second)"
         elif _AXIS.search(item.name) and not item.unit:
             top = float(finite.max())
             words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"

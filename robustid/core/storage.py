@@ -161,6 +161,8 @@ def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) ->
     except FileFormatError:
         raise
     except FileNotFoundError as error:
+        if pathlib.Path(path).is_dir():
+            raise FileFormatError(f"{path} is a folder without a saved result") from None
         raise FileFormatError(f"{error.filename} is missing; saved {words} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
         raise FileFormatError(f"{text} and {numbers.name} are not a saved {words} ({error})") from None

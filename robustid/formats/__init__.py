@@ -5,10 +5,11 @@ from robustid.formats.contents import Contents, Item, contents
 from robustid.formats.excitation_files import load_excitation
 from robustid.formats.headings import heading
 from robustid.formats.measurement_files import Origin, kind_of_file, origin, read_file, read_said
-from robustid.formats.model_files import load_model, save_model
+from robustid.formats.model_files import StoredModel, load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
 from robustid.formats.readers import read_table
 from robustid.formats.record_pairs import record_pairs
+from robustid.formats.role_lookup import seconds_in
 from robustid.formats.role_names import FREQUENCY, NAMES, TIME
 from robustid.formats.saved import WRITERS
 from robustid.formats.table import Table
@@ -22,6 +23,7 @@ __all__ = [
     "Contents",
     "Item",
     "Origin",
+    "StoredModel",
     "Table",
     "contents",
     "datasets",
@@ -38,6 +40,7 @@ __all__ = [
     "save_model",
     "scattering_model",
     "scattering_of",
+    "seconds_in",
     "write_spice",
     "write_touchstone",
     "write_universal",

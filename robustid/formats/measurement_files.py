@@ -17,7 +17,7 @@ from robustid.formats.assembly import as_frequency, as_time, frequency_axis, tim
 from robustid.formats.excitation_files import excitation_of, is_excitation
 from robustid.formats.headed_columns import from_headings
 from robustid.formats.matlab_structures import from_structure
-from robustid.formats.model_files import is_model, model_of
+from robustid.formats.model_files import StoredModel, is_model, model_of
 from robustid.formats.readers import read_table
 from robustid.formats.role_lookup import Lookup
 from robustid.formats.role_names import NAMES
@@ -31,7 +31,8 @@ _log = logging.getLogger("robustid")
 
 def read_file(path: object, **options: Any) -> Any:
     """Measurements, an excitation or a model: `robustid.load` of a file that holds no saved result, with its arguments."""
-    return read_said(path, **options)[0]
+    found = read_said(path, **options)[0]
+    return found.model() if isinstance(found, StoredModel) else found
 
 
 def read_said(
@@ -58,7 +59,7 @@ def read_said(
 
     Returns
     -------
-    thing : FrequencyResponse, TimeRecord, list of them, TangentialResponse that `save` wrote, Excitation or control.StateSpace
+    thing : FrequencyResponse, TimeRecord, list of them, TangentialResponse that `save` wrote, Excitation or StoredModel
     how : str
         Format of the file, and of a text its layout.
 
@@ -131,7 +132,7 @@ def kind_of_file(path: str | os.PathLike[str], decimal: str | None = None) -> st
 
 def _is_model(table: Table) -> bool:
     """A model, and no measurements beside its matrices."""
-    return is_model(table) and Lookup(table, {}).looks() is None
+    return is_model(table) and Lookup(table, {}).measured() is None
 
 
 def _refuse(names: list[str], what: str) -> None:

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import pathlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Complex, as_array, as_float, atomic_write
+from robustid.core import (
+    Complex,
+    Frozen,
+    StateMatrices,
+    as_array,
+    as_float,
+    atomic_write,
+    exponents_of,
+    hz_words,
+    time_words,
+)
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.matlab_structures import STRUCTURE_TIME
 from robustid.formats.readers import read_table
@@ -28,7 +39,33 @@ _NAMES: tuple[str | tuple[str, ...], ...] = (
 )
 _DELAYS = ("InputDelay", "OutputDelay", "IODelay", "ioDelay", "inputd", "outputd", "iodelay")
 _MOST_STATES = 2000
+_SEEN_STATES = 600  # of a model whose modes are taken
 _PAIR = 1e-8  # relative distance of a root from the conjugate of its partner
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StoredModel(Frozen):
+    """The numbers of a model in a file, before the package control is imported for it, which takes a second."""
+
+    matrices: StateMatrices
+    dt: float  # 0 in continuous time
+
+    def model(self) -> control.StateSpace:
+        """The `control.StateSpace` of them."""
+        return self.matrices.model(self.dt)
+
+    def words(self) -> str:
+        """Its size and its least damped modes."""
+        A, _, _, D = self.matrices
+        size = f"a model of {len(A)} states, {D.shape[0]} outputs and {D.shape[1]} inputs, {time_words(self.dt)}"
+        if not 0 < len(A) <= _SEEN_STATES:
+            return size
+        poles = exponents_of(np.linalg.eigvals(A).astype(complex), self.dt or None)
+        unstable, pairs = int(np.sum(poles.real > 0)), poles[(poles.imag > 0) & np.isfinite(poles)]
+        lightest = sorted(pairs, key=lambda s: -s.real / abs(s))[:3]
+        size += f", {unstable} of them unstable" if unstable else ""
+        modes = [f"{hz_words(abs(s) / (2 * np.pi))} (damping {-s.real / abs(s):.3g})" for s in lightest]
+        return size + (f"; least damped of {pairs.size} modes: {', '.join(modes)}" if modes else "")
 
 
 def save_model(model: control.StateSpace, path: str | os.PathLike[str]) -> None:
@@ -64,13 +101,15 @@ def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> cont
         The file is missing, foreign, or lacks a matrix; or its matrices aren't finite numbers of sizes that belong together.
     """
     path = pathlib.Path(path)
+    if path.is_dir():
+        raise FileFormatError(f"{path} is a folder without a saved result; a model is a .npz or .mat file")
     if not path.is_file():
         raise FileFormatError(f"there is no file {path}")
     if path.suffix.lower() not in (".npz", ".mat"):
         raise FileFormatError(
             f"{path.name} must be a model in .npz or .mat, with matrices A, B, C and, optionally, D and dt"
         )
-    return model_of(read_table(path), dt)
+    return model_of(read_table(path), dt).model()
 
 
 def is_model(table: Table) -> bool:
@@ -81,8 +120,8 @@ def is_model(table: Table) -> bool:
     return len(_structures(numbers)) > 0
 
 
-def model_of(table: Table, dt: float | None = None) -> control.StateSpace:
-    """The `control.StateSpace` that a file holds; see `load_model`."""
+def model_of(table: Table, dt: float | None = None) -> StoredModel:
+    """The model that a file holds; see `load_model`."""
     path, numbers = table.path, _numbers(table)
     found = _structures(numbers)
     if "A" in numbers or not found:
@@ -111,9 +150,10 @@ def model_of(table: Table, dt: float | None = None) -> control.StateSpace:
             as_array(name, vector, dtype=complex if np.iscomplexobj(vector) else float)
             for name, vector in vectors.items()
         )
-        return of_roots(first, second, gain[0].item(), step) if gain else of_polynomials(first, second, step)
+        found = of_roots(first, second, gain[0].item()) if gain else of_polynomials(first, second)
     except (InputError, InputTypeError) as error:
         raise FileFormatError(f"{path.name} is no model: {error}") from None
+    return StoredModel(found, step)
 
 
 def _structures(numbers: _Numbers) -> list[tuple[str, str | tuple[str, ...]]]:
@@ -140,10 +180,8 @@ def _fits(names: str | tuple[str, ...], own: list[np.ndarray]) -> bool:
 
 def _state_space(
     path: pathlib.Path, numbers: _Numbers, names: str, dt: float | None, texts: dict[str, list[str]] | None = None
-) -> control.StateSpace:
+) -> StoredModel:
     """The model of the matrices A, B, C and, optionally, D."""
-    import control
-
     missing = [name for name in names[:3] if name not in numbers]
     if missing:
         held = ", ".join(sorted(numbers)) or "nothing"
@@ -160,7 +198,8 @@ def _state_space(
             raise FileFormatError(
                 f"matrix {name} of {path.name} must be {shape[0]} x {shape[1]}; got {matrix.shape[0]} x {matrix.shape[1]}"
             )
-    return control.ss(A, B, C, D, _step(path, numbers, texts or {}) if dt is None else dt)
+    step = _step(path, numbers, texts or {}) if dt is None else dt
+    return StoredModel(StateMatrices(A, B, C, D), step)
 
 
 def _numbers(table: Table) -> _Numbers:
@@ -194,13 +233,11 @@ def _step(path: pathlib.Path, numbers: _Numbers, texts: dict[str, list[str]]) ->
 # --- transfer functions -----------------------------------------------------------------------------------------------------------
 
 
-def of_polynomials(numerator: np.ndarray, denominator: np.ndarray, dt: float) -> control.StateSpace:
-    """The `control.StateSpace` of b(s)/a(s), highest power first, in companion form.
+def of_polynomials(numerator: np.ndarray, denominator: np.ndarray) -> StateMatrices:
+    """The matrices of b(s)/a(s), highest power first, in companion form.
 
     Written out here: scipy takes leading coefficients below 1e-14 for zero, whatever the units.
     """
-    import control
-
     b, a = (np.trim_zeros(np.asarray(part, dtype=float).reshape(-1), "f") for part in (numerator, denominator))
     if not a.size:
         raise InputError("the denominator is zero")
@@ -210,17 +247,15 @@ def of_polynomials(numerator: np.ndarray, denominator: np.ndarray, dt: float) ->
     b, a = np.concatenate([np.zeros(a.size - b.size), b]) / a[0], a / a[0]
     A = np.eye(order, k=-1)
     A[:1] = -a[1:]
-    return control.ss(A, np.eye(order, 1), [b[1:] - b[0] * a[1:]], b[0], dt)
+    return StateMatrices(A, np.eye(order, 1), (b[1:] - b[0] * a[1:])[None], b[:1, None])
 
 
-def of_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
-    """The `control.StateSpace` of ``gain * prod(s - zeros) / prod(s - poles)``: a cascade of sections of order 2 at most.
+def of_roots(zeros: np.ndarray, poles: np.ndarray, gain: float) -> StateMatrices:
+    """The matrices of ``gain * prod(s - zeros) / prod(s - poles)``: a cascade of sections of order 2 at most.
 
     A cascade, since the coefficients of the whole polynomial lose lightly damped modes at high orders. Every section takes the
     zeros nearest to its poles.
     """
-    import control
-
     zeros, poles = (np.asarray(part, dtype=complex).reshape(-1) for part in (zeros, poles))
     if zeros.size > poles.size:
         raise InputError(f"there are {zeros.size} zeros and {poles.size} poles; a model is proper")
@@ -232,12 +267,12 @@ def of_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> co
         # A section of one pole takes a single zero if there is one; all others the nearest.
         near = min(fitting, key=lambda k: float(np.abs(left[k][0] - section[0])), default=None)
         part = left.pop(near) if near is not None else np.array([], dtype=complex)
-        one = of_polynomials(np.poly(part).real, np.poly(section).real, dt)
+        one = of_polynomials(np.poly(part).real, np.poly(section).real)
         own = slice(at, at + len(section))
         A[own, own], A[own, :at], B[own] = one.A, one.B @ seen[:, :at], one.B * through
         seen, through, at = seen * one.D.item(), through * one.D.item(), own.stop
         seen[:, own] = one.C
-    return control.ss(A, B, seen, through, dt)
+    return StateMatrices(A, B, seen, np.array([[through]]))
 
 
 def _checked_order(order: int) -> int:

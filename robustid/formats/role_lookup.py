@@ -98,6 +98,13 @@ class Lookup:
 
     def looks(self) -> str | None:
         """Frequency or time, by the usual names in the file alone; None where both or neither are there."""
+        if (kind := self.measured()) is not None:
+            return kind
+        frequency = (self.find("omega") or self.find("freq_hz")) is not None
+        return "time" if not frequency and self.find("time") is not None else None
+
+    def measured(self) -> str | None:
+        """Frequency or time, by what else than a time axis is there: a model may have one beside its matrices."""
         frequency = (self.find("omega") or self.find("freq_hz")) is not None
         time = self.find("u") is not None and self.find("y") is not None
         if frequency == time:
@@ -291,11 +298,15 @@ def _equal(role: str, columns: list[np.ndarray]) -> list[np.ndarray]:
     return columns
 
 
+def seconds_in(title: str) -> float | None:
+    """Factor from the unit in the name of a time column to s; None where none that is known stands there."""
+    return units.factor(units.TIME, units.axis_label(title)[1])
+
+
 def seconds(lookup: Lookup, name: object) -> float:
     """Factor from the unit of a time column to s; a name without a unit is in seconds."""
     title = lookup.name(name)
-    unit = units.axis_label(title)[1]
-    scale = units.factor(units.TIME, unit)
-    if scale is None and units.in_brackets(title)[1]:
+    scale, unit = seconds_in(title), units.in_brackets(title)[1]
+    if scale is None and unit:
         raise InputError(f"{title!r}: {unit!r} is no unit of time that is known; give `dt` in s. {lookup.inventory()}")
     return scale or 1.0

@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 import robustid as rid
 from robustid.app.cli.main import app
 from robustid.app.draft import drafted_run_file
+from robustid.app.load_save import load_result
 from robustid.app.run.run_file import read_run_file
-from robustid.errors import InputError
-from robustid.formats import readers
+from robustid.errors import FileFormatError, InputError
+from robustid.formats import load_model, readers
 from support.command_line import words as command
 
 
@@ -187,3 +188,19 @@ def test_a_time_of_one_sample_less_gives_its_step_and_the_speed_of_a_motor_is_no
         assert command(["new", name, "-o", f"{name}.toml"], capsys, monkeypatch)[0] == 0
         (source,) = read_run_file(f"{name}.toml").record
         assert source.dt == (0.004 if name == "beam.mat" else None)
+
+
+def test_a_column_of_time_alone_says_that_a_file_is_a_record(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bench.csv").write_text("time [ms],force [N],acc [g]\n0,1,0\n1,1,.5\n2,1,.75\n3,1,.8\n")
+    found = rid.look("bench.csv")
+    assert (found.kind, found.argument) == ("time", "fields")
+    assert found.arguments["fields"] == {"time": "time [ms]", "u": "force [N]", "y": "acc [g]"}
+    assert "(1000 samples per second)" in found.rows[0][2]
+    assert rid.look("bench.csv", **found.arguments).data.dt == 1e-3
+
+
+@pytest.mark.parametrize("read", [load_result, load_model])
+def test_a_folder_without_a_result_is_called_that(tmp_path, read):
+    with pytest.raises(FileFormatError, match="is a folder without a saved result"):
+        read(tmp_path)

@@ -71,7 +71,7 @@ def test_time_responses_with_forces_make_a_record(tmp_path):
 def test_time_responses_of_unknown_types_are_named_by_the_user(tmp_path):
     sets = [signal(1, 0), signal(2, 0, abscissa_axis_units_lab="s")]
     path = write(tmp_path / "time.uff", sets)
-    with pytest.raises(InputError, match=r"can't tell whether .* The file has 1X\+, 2X\+, time"):
+    with pytest.raises(InputError, match=r"no .u. found.* The file has 1X\+, 2X\+, time"):
         load(path)
     record = load(path, fields={"u": "2X+", "y": "1X+"})
     np.testing.assert_allclose(record.u[:, 0], sets[1]["data"], rtol=1e-10)

@@ -9,7 +9,8 @@ from robustid.bases import Sections, input_normal_pair, shift_pair
 from robustid.identification.entries import Entries
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
 from robustid.identification.formulation.ball import TurnedBall
-from robustid.identification.formulation.passive import PassiveMap, QuadratureRealPart
+from robustid.identification.formulation.passive import PassiveMap
+from robustid.identification.formulation.passive_blocks import QuadratureRealPart, QuadratureRealParts
 from robustid.identification.formulation.quadrature import QuadratureMap
 from robustid.identification.formulation.quadrature_products import QuadratureProducts
 from robustid.identification.formulation.sarason import PairMap
@@ -98,6 +99,17 @@ def test_the_quadrature_of_a_pair_against_its_stored_matrices(radius):
         passive = PassiveMap(pair).ball()
         assert isinstance(passive, QuadratureRealPart)
         check_blocks(passive, [(sarason.basis + sarason.basis.transpose(0, 2, 1)) / 2], rng)
+
+
+@pytest.mark.parametrize("entries", [Entries(2, 2), Entries(2, 2, symmetric=True), Entries(3, 3)])
+@pytest.mark.parametrize("radius", [0.5, 0.97])
+def test_a_passive_class_of_several_ports_against_its_stored_matrices(entries, radius):
+    for seed in range(5):
+        rng = np.random.default_rng([int(100 * radius), seed])
+        passive = PassiveMap(input_normal_pair(np.sort(rng.uniform(0.05, 3.1, 2)), radius, seed), entries)
+        assert isinstance(passive.ball(), QuadratureRealParts)
+        X = passive.unit_matrices
+        check_blocks(passive.ball(), [(X + X.transpose(0, 2, 1)) / 2], rng)
 
 
 def test_a_pair_without_the_quadrature_does_without_it():

@@ -58,13 +58,13 @@ def looked(found: Sequence[Look], exit_code: int) -> Answer:
     contents = [
         {
             "file": one.path,
-            "read_as": None if one.data is None else repr(one.data),
+            "read_as": one.read_as or None,
             "how": one.how,
             "items": [{"address": address, "shape": shape, "words": words} for address, shape, words in one.rows],
         }
         for one in found
     ]
-    open_ones = [one for one in found if one.data is None]
+    open_ones = [one for one in found if one.found is None]
     status = "unread" if open_ones else "read"
     sentence = "; ".join(one.refusal for one in open_ones) or "Every file can be read as it is."
     return answer(

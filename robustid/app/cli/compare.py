@@ -169,7 +169,8 @@ def measured(console: Terminal, path: Path, records: RecordSource, responses: Re
     if saved_kind(path) is not None:
         return load_result(path)
     if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
+        words = "is a folder without a saved result" if path.is_dir() else "there is no such file"
+        raise InputError(f"{path}: {words}")
     kind = kind_of_file(path, records.decimal)
     if kind == "model":
         say(console, f"read {path}: a model")

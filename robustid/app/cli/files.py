@@ -73,7 +73,7 @@ def _on_screen(console: Terminal, looks: list[Look]) -> None:
 def _next(found: Look) -> list[str]:
     """The command to go on with, to files that are not there yet."""
     (what, called), name = found.step, Path(found.path).stem
-    if not called or (found.data is None and not found.arguments):
+    if not called or (found.found is None and not found.arguments):
         return []
     if called[0] in ("new", "export"):
         ending = ".toml" if called[0] == "new" else ".m"

@@ -78,7 +78,7 @@ def _with_options(command: Any, name: str, words: Sequence[str], over: Sequence[
         from robustid.app.look import look
 
         found = look(path)
-        if found.data is None or not found.kind:
+        if found.found is None or not found.kind:
             line = command_line(["look", path])
             return f"{path} holds no measurements that are understood as they are; what it holds, and how to go on:\n  {line}"
         flags[path] = f"--{found.kind}"

@@ -337,7 +337,8 @@ def _part(path: Path, progress: Progress) -> Any:
     if saved_kind(place) is not None:
         return load_result(place, "band", "identification", "worst-case error", "band over poles", "family")
     if not place.is_file():
-        raise InputError(f"{path}: there is no such file")
+        words = "is a folder without a saved result" if path.is_dir() else "there is no such file"
+        raise InputError(f"{path}: {words}")
     return load(place, kind="model")
 
 

@@ -8,10 +8,8 @@ ball needs two. With a further value in the place of K the class is the same one
 # Matrices have capital letters.
 from __future__ import annotations
 
-import abc
 import dataclasses
 import functools
-from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -20,8 +18,9 @@ from robustid.bases import InputNormalPair
 from robustid.core import Complex, Frozen, Numbers, Real, freeze, series_at
 from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
-from robustid.identification.formulation.ball import Ball, Inequalities, Pairs
+from robustid.identification.formulation.ball import Ball
 from robustid.identification.formulation.exact import MOST_PRODUCTS, ExactFormulation
+from robustid.identification.formulation.passive_blocks import DenseRealPart, QuadratureRealPart, QuadratureRealParts
 from robustid.identification.formulation.quadrature import quadrature
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.interpolant import FreeParameter, Interpolants, from_factors
@@ -30,88 +29,6 @@ from robustid.identification.problem import MixedProblem
 
 _ENOUGH = 1e-3  # norm of a power at which the geometric series ends
 _ROUNDED = 1e-9  # what rounding may add to the norms of powers, relatively
-
-
-class RealPart(Ball):
-    """The block I + A(x), A(x) = (X + X')/2, of size N."""
-
-    def __init__(self, size: int, rows: int):
-        self.size, self._rows, self.blocks = size, rows, (rows,)
-
-    @abc.abstractmethod
-    def matrix(self, x: Real) -> Real:
-        """A(x)."""
-
-    def matrices(self, x: Real) -> list[Real]:
-        """A(x)."""
-        return [self.matrix(x)]
-
-    def times(self, x: Real, M: list[Real]) -> list[Real]:
-        """A(x) M."""
-        return [self.matrix(x) @ M[0]]
-
-    def multiplier(self, Z: list[Real]) -> Real:
-        """-Z: <-Z, X> <= tr(Z) on the class."""
-        return -Z[0]
-
-    def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
-        """The block itself."""
-        return Inequalities((np.eye(self._rows),), ((X + X.transpose(0, 2, 1)) / 2,), None, self.multiplier)
-
-
-class DenseRealPart(RealPart):
-    """The block from stored matrices A_j, (m, N, N); O(m N^3 + m^2 N^2) for the curvature."""
-
-    def __init__(self, matrices: Real):
-        super().__init__(*matrices.shape[:2])
-        self._flat = matrices.reshape(self.size, -1)
-
-    def matrix(self, x: Real) -> Real:
-        """A(x)."""
-        return (x @ self._flat).reshape(self._rows, self._rows)
-
-    def adjoint(self, Z: list[Real]) -> Real:
-        """Inner products tr(A_j Z)."""
-        return self._flat @ Z[0].ravel()
-
-    def curvature(self, pairs: Pairs) -> Real:
-        """Sum of tr(A_i P A_j Q), from factors: symmetric and positive semidefinite as computed."""
-        rows, total = self._rows, np.zeros((self.size, self.size))
-        for P, Q in pairs:
-            left, right = np.linalg.cholesky(P), np.linalg.cholesky(Q)
-            half = (self._flat.reshape(-1, rows) @ left).reshape(self.size, rows, rows)
-            both = np.matmul(right.T, half).reshape(self.size, -1)
-            total += both @ both.T
-        return total
-
-
-class QuadratureRealPart(RealPart):
-    """The block of one port by quadrature, without stored matrices: O(n^3) for the curvature."""
-
-    # X(x) = Re sum_k g(z_k) b_k b_k^H with g(z_k) = phi(z_k) x, see `QuadratureMap`. So A(x) = R' diag(d, d) R with the rows Re b_k
-    # and Im b_k of R and d_k = Re g(z_k) = (D x)_k, and the curvature is D' K D, K the sum of the four blocks of
-    # (R P R') o (R Q R').
-
-    def __init__(self, rows: Complex, values: Complex):
-        super().__init__(rows.shape[1], rows.shape[1])
-        self._R, self._D = np.vstack([rows.real, rows.imag]), np.ascontiguousarray(values.real)
-
-    def matrix(self, x: Real) -> Real:
-        """A(x)."""
-        return self._R.T @ (np.tile(self._D @ x, 2)[:, None] * self._R)
-
-    def adjoint(self, Z: list[Real]) -> Real:
-        """Inner products tr(A_j Z)."""
-        return np.sum((self._R @ Z[0]) * self._R, axis=1).reshape(2, -1).sum(axis=0) @ self._D
-
-    def curvature(self, pairs: Pairs) -> Real:
-        """Sum of tr(A_i P A_j Q)."""
-        n, R, D = self.size, self._R, self._D
-        K = np.zeros((n, n))
-        for P, Q in pairs:
-            K += ((R @ P @ R.T) * (R @ Q @ R.T)).reshape(2, n, 2, n).sum(axis=(0, 2))
-        full = D.T @ K @ D
-        return (full + full.T) / 2
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -150,9 +67,10 @@ class PassiveMap(SarasonMap):
         return float(-np.minimum(values, 0.0).sum()) + rest * self.largest(level)
 
     def ball(self, axes: Real | None = None, quick: bool = False) -> Ball:
-        """The block, of one port by quadrature where the nodes allow it."""
-        found = quadrature(self.pair) if self.entries.single else None
-        return DenseRealPart(self._symmetric_matrices) if found is None else QuadratureRealPart(*found)
+        """The block, by quadrature where the nodes allow it."""
+        if (found := quadrature(self.pair)) is None:
+            return DenseRealPart(self._symmetric_matrices)
+        return QuadratureRealPart(*found) if self.entries.single else QuadratureRealParts(*found, self.entries)
 
     def interpolants(self, x: Real) -> PassiveInterpolants:
         """The functions of the class with the data x, by phi = g (2 + g)^-1 of the unit ball; needs I + (X + X')/2 > 0."""
