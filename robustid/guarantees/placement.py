@@ -38,7 +38,7 @@ _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
 _FURTHER = 2  # cells at once, where the error is largest
-_PEAK = 0.8  # of the time for polygons over a box: where the error is largest
+_PEAK = 0.75  # of the time for polygons over a box: where the error is largest
 _MORE = 2.0  # times as many, to begin with those of another frequency
 _SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
 _WORDS = "bounding the error over the pole-uncertainty box"
@@ -46,7 +46,7 @@ _HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is kn
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
 _SIDES_OF_CELLS = 8, 0.1  # and of cells
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
-_BETWEEN = 0.1  # of the time: for the search between the polygons
+_BETWEEN = 0.15  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
 
 
