@@ -38,7 +38,7 @@ _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
 _FURTHER = 2  # cells at once, where the error is largest
-_PEAK = 0.75  # of the time for polygons over a box: where the error is largest
+_PEAK = 0.8  # of the time for polygons over a box: where the error is largest
 _MORE = 2.0  # times as many, to begin with those of another frequency
 _SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
 _WORDS = "bounding the error over the pole-uncertainty box"
@@ -329,14 +329,15 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         tried[np.isinf(tried)] = np.finfo(float).max
         count += chosen.size
         polygons = programs.polygons()
-        if polygons is not None and joining <= _QUICK * (solved - before):
+        ample = means.budget is None or means.budget.left > 2 * searching
+        if polygons is not None and joining <= _QUICK * (solved - before) and ample:
             found, joined = band.between(polygons, None), polygons
             joining = max(joining, time.monotonic() - solved)
         if means.budget is not None and means.budget.over:
             break
     if polygons is None:
         return found
-    if means.budget is not None and means.budget.over:
+    if means.budget is not None and means.budget.left <= joining:
         return found if polygons is joined else band.between(polygons, None)
     return band.between(polygons, means.budget or Budget())
 
