@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from robustid.core import Numbers, freeze
 from robustid.data import tilted
-from robustid.identification.formulation.columns import Columns, DenseDesign, Design
+from robustid.identification.formulation.columns import Columns, Design
 
 _TABLE = 2**21  # complex entries of a generated block of frequency points: 32 MiB
 _KEPT = 2**18  # complex entries of a table that is kept: 4 MiB
-_FEW = 2**14  # up to which products with the table itself are quicker than transforms: measured, two to six times
 _WIDTH = 16  # grid points under the kernel: 14 digits at twofold oversampling
 _SHAPE = 2.3 * _WIDTH
 
@@ -80,9 +79,7 @@ class ShiftColumns(Columns):
         return float(np.hypot(np.linalg.norm(self._reach) * np.linalg.norm(self.decay), np.linalg.norm(self.real)))
 
     def design(self, Q: Numbers, discs: int) -> Design:
-        """[E Q] with all sums over the frequency points by non-uniform FFTs; of few as a stored matrix."""
-        if self.angles.size * self.decay.size <= _FEW:
-            return DenseDesign(np.hstack([self.dense(), Q]), discs)
+        """[E Q] with all sums over the frequency points by non-uniform FFTs."""
         return ShiftDesign(self, Q)
 
     @property
