@@ -54,7 +54,7 @@ class Branch:
         return self._look(self.cell)
 
     def before(self, omega: float) -> Earlier | None:
-        """What the cell whose half it is has at a frequency, for plants with one entry."""
+        """Polygon of the cell whose half it is at a frequency, with its samples, for plants with one entry."""
         above = self._above
         if above is None or not isinstance(above.found, ConsistentSet) or len(above.values.get(omega, ())) != 1:
             return None

@@ -83,7 +83,7 @@ def prove_margin(
 def decide_margin(
     data: ConvexData, inside: float, above: float, budget: Budget | None = None
 ) -> Candidate | MarginCertificate | None:
-    """Whichever the path shows first: a point whose margin is at most `inside`, or a certificate of one `above`.
+    """Return what the path shows first: a point whose margin is at most `inside`, or a certificate of one `above`.
 
     None where neither is, or the time is over: a margin between the two takes `prove_margin`.
     """
