@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import functools
-import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ _BEND = (
     0.85  # of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot
 )
 _POINTS, _FARTHER, _NODES = 16, 8, 8  # the nearest points, others ever farther apart, and the nearest polygons
-_TRIED = 4  # knots, after which their number is held against the time
 _LAST = 3  # iterates that are evaluated
 _ROUNDS = 40  # of the smallest ellipses
 _FLAT = 1e-9  # of an extent: the least one of an ellipse
@@ -40,10 +38,8 @@ def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> D
     targets = targets_at(sides.samples, angles)
     points: list[NDArray[np.intp]] = []
     c: list[Complex] = []
-    begun = time.monotonic()
     for k in range(angles.size):
-        each = (time.monotonic() - begun) / max(k, 1)
-        if budget.over or (k == _TRIED and each * (angles.size - k) > budget.left):
+        if budget.over:
             return None
         target = targets[k : k + 1]
         points.append(search.nearest(complex(target.base[0])))
