@@ -38,7 +38,7 @@ _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
 _FURTHER = 2  # cells at once, where the error is largest
-_PEAK = 0.6  # of the time for polygons over a box: where the error is largest
+_PEAK = 0.8  # of the time for polygons over a box: where the error is largest
 _MORE = 2.0  # times as many, to begin with those of another frequency
 _SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
 _WORDS = "bounding the error over the pole-uncertainty box"
@@ -46,7 +46,7 @@ _HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is kn
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
 _SIDES_OF_CELLS = 8, 0.1  # and of cells
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
-_BETWEEN = 0.2  # of the time: for the search between the polygons
+_BETWEEN = 0.15  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
 
 
@@ -279,7 +279,11 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | No
     # A resonance can be narrower than that: at least a few candidates over the half-width of the lightest one in a box.
     nearest = np.argmin(np.abs(found[:, None] - box[0].mean(axis=1)), axis=1)
     narrow = _NARROW * (box[0][:, 0] * box[1][:, 0])[nearest]
-    return found[np.diff(found, prepend=-np.inf) > np.minimum(_THIN * found, narrow)]
+    apart = np.minimum(_THIN * found, narrow)
+    # Those of the band, at which its error is reported, before the others.
+    away = np.abs(found[:, None] - inside).min(axis=1, initial=np.inf)
+    found, apart = found[(away == 0) | (away > apart)], apart[(away == 0) | (away > apart)]
+    return found[np.diff(found, prepend=-np.inf) > apart]
 
 
 def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
@@ -298,8 +302,6 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     seen, radius = programs.lower(candidates, band, first)
     if seen.size:
         tried[np.searchsorted(candidates, seen)], polygons = radius, programs.polygons()
-        if polygons is not None:
-            found, joined = band.between(polygons, None), polygons
     size = programs.together if plain[0].size <= _MANY else programs.most
     while count < programs.most:
         room = min(size, programs.most - count)
@@ -327,14 +329,15 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         tried[np.isinf(tried)] = np.finfo(float).max
         count += chosen.size
         polygons = programs.polygons()
-        if polygons is not None and joining <= _QUICK * (solved - before):
+        ample = means.budget is None or means.budget.left > 2 * searching
+        if polygons is not None and joining <= _QUICK * (solved - before) and ample:
             found, joined = band.between(polygons, None), polygons
             joining = max(joining, time.monotonic() - solved)
         if means.budget is not None and means.budget.over:
             break
     if polygons is None:
         return found
-    if means.budget is not None and means.budget.over:
+    if means.budget is not None and means.budget.left <= joining:
         return found if polygons is joined else band.between(polygons, None)
     return band.between(polygons, means.budget or Budget())
 

@@ -14,6 +14,7 @@ from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
 from robustid.guarantees.pole_sweep import looked_at
+from robustid.guarantees.polygons import Earlier
 from robustid.guarantees.sweep import Means, value_sets
 from robustid.guarantees.value_set import ValueSet
 from robustid.identification import MixedProblem
@@ -37,9 +38,13 @@ class Branch:
     """
 
     def __init__(
-        self, cell: PoleCell, name: str, look: Callable[[PoleCell], RefutedCell | ConsistentSet | None]
+        self,
+        cell: PoleCell,
+        name: str,
+        look: Callable[[PoleCell], RefutedCell | ConsistentSet | None],
+        above: Branch | None = None,
     ) -> None:
-        self.cell, self.name, self._look = cell, name, look
+        self.cell, self.name, self._look, self._above = cell, name, look, above
         self.values: dict[float, tuple[ValueSet, ...]] = {}
         self.halves: dict[int, tuple[Branch, ...]] = {}
 
@@ -47,6 +52,13 @@ class Branch:
     def found(self) -> RefutedCell | ConsistentSet | None:
         """Refutation of the cell, or the set of its relaxed problem; None: no sample says anything of all its poles at once."""
         return self._look(self.cell)
+
+    def before(self, omega: float) -> Earlier | None:
+        """Polygon of the cell whose half it is at a frequency, with its samples, for plants with one entry."""
+        above = self._above
+        if above is None or not isinstance(above.found, ConsistentSet) or len(above.values.get(omega, ())) != 1:
+            return None
+        return above.found.posed_at(omega).data.rows, above.values[omega][0]
 
     def kept(self, omega: float) -> KeptCell:
         """The cell with its values at a frequency; without any of one that is too wide."""
@@ -162,8 +174,8 @@ class PoleTree:
             " the prior or the box"
         )
 
-    def _branch(self, cell: PoleCell, name: str) -> Branch:
-        return Branch(cell, name, self._looked_at)
+    def _branch(self, cell: PoleCell, name: str, above: Branch | None = None) -> Branch:
+        return Branch(cell, name, self._looked_at, above)
 
     def _looked_at(self, cell: PoleCell) -> RefutedCell | ConsistentSet | None:
         found = looked_at(cell, self.problem, self._budget)
@@ -183,7 +195,7 @@ class PoleTree:
         if mode not in branch.halves:
             cells = branch.cell.split(self.problem, mode) or ()
             branch.halves[mode] = tuple(
-                self._branch(cell, f"{branch.name}{mode}{'ab'[k]}") for k, cell in enumerate(cells)
+                self._branch(cell, f"{branch.name}{mode}{'ab'[k]}", branch) for k, cell in enumerate(cells)
             )
         return branch.halves[mode]
 
@@ -194,7 +206,10 @@ class PoleTree:
         """
         if isinstance(branch.found, ConsistentSet) and omega not in branch.values:
             how = means.part(branch.name), self.model
-            found = value_sets(branch.found, np.array([omega]), *self._sides, *how, least=0, enough=enough)
+            known = branch.before(omega)
+            found = value_sets(
+                branch.found, np.array([omega]), *self._sides, *how, least=0, enough=enough, before=known
+            )
             if not found:
                 return False
             branch.values[omega] = tuple(found)

@@ -11,7 +11,8 @@ from robustid.core import Budget, Complex, Pieces, Real
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
 from robustid.guarantees.outline import Outline
 from robustid.guarantees.value_set import FINE, ValueSet, along, directions_at
-from robustid.identification import Functional
+from robustid.identification import Functional, certify_support
+from robustid.identification.formulation import Rows
 from robustid.identification.solver import Place
 
 _FIRST = 4  # directions of an entry of a matrix to begin with
@@ -22,6 +23,7 @@ _WORTH = 3.0  # gaps that tighter bounds of the entries may make up for
 _NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
 _FEW = 3  # signals with which one system may be far in all entries
 _NEAR = np.radians(100.0)  # angle between sides from which one between them starts
+Earlier = tuple[Rows, ValueSet]  # of a larger set: its samples, in units of its bounds, and its polygon
 _STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
 
 
@@ -43,11 +45,13 @@ def value_sets_at(
     about: Complex | None = None,
     budget: Budget | None = None,
     enough: float | None = None,
+    before: Earlier | None = None,
 ) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
-    SISO: in all directions, unless a distance is `enough`. MIMO: in as many as the corner of every polygon that is farthest from
-    a nominal value `about` (ny, nu) asks for; by default the value at the centre. Nothing where the budget is over before its end.
+    SISO: in all directions, unless a distance is `enough`, then from the multipliers of a larger set `before` on. MIMO: in as many
+    as the corner of every polygon that is farthest from a nominal value `about` (ny, nu) asks for; by default the value at the
+    centre. Nothing where the budget is over before its end.
     """
     here = consistent.with_node(omega)
     single = here.posed.problem.entries.single
@@ -56,7 +60,7 @@ def value_sets_at(
     try:
         if not single:
             return search.mimo()
-        return (search.siso() if enough is None else search.within(enough),)
+        return (search.siso() if enough is None else search.within(enough, before),)
     except _TimeIsOver:
         return ()
 
@@ -109,17 +113,39 @@ class _Search:
         support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
         return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)
 
-    def within(self, enough: float) -> ValueSet:
+    def within(self, enough: float, before: Earlier | None) -> ValueSet:
         """The only entry, in as many directions as the corner that is farthest from the nominal value asks for.
 
         Until it is so near that it is `enough`, or near to a value that is reached.
         """
-        polygon = self._begun((0, 0))
+        polygon = None if before is None else self._taken_over(before)
+        polygon = self._begun((0, 0)) if polygon is None else polygon
         polygon.step = 1
         self._sharpen(polygon, _CLOSE, enough)
         order, proofs = polygon.order, tuple(polygon.sides[k].certificate for k in polygon.order)
         points = np.array([self._value(polygon.sides[k])[0, 0] for k in order])
         return ValueSet(self._omega, polygon.angles[order], polygon.support, points, float(self._tail[0]), proofs)
+
+    def _taken_over(self, before: Earlier) -> Outline | None:
+        """Sides that the multipliers of those of a larger set prove here, nothing solved; None where they do not fit.
+
+        They are about as tight as there, and are solved again one by one where the farthest corner lies.
+        """
+        data, (rows, values) = self._here.data, before
+        polygon = Outline((0, 0), self._angles, complex(self._origin[0, 0]))
+        if rows.y.shape != data.rows.y.shape:
+            return None
+        # In units of the bounds, which are others here.
+        units = np.divide(np.abs(rows.y), np.abs(data.rows.y), out=np.ones(rows.y.size), where=data.rows.y != 0)
+        for angle, proof in zip(values.directions.tolist(), values.certificates, strict=True):
+            direction = round(angle / (2 * np.pi) * self._angles.size) % self._angles.size
+            if proof.left.shape[0] != data.sarason.shape[0] or self._angles[direction] != angle:
+                return None
+            told = self._functional((0, 0), direction), units * proof.samples, proof.left @ proof.right.T
+            found = certify_support(*told, self._here.level, data.rows, data.sarason)
+            side = Extreme(found.value, -np.inf, self._here.center.x, self._here.center.p, found)
+            polygon.add(direction, side, polygon.origin)
+        return polygon
 
     def _beside(self, sides: dict[int, Extreme], direction: int) -> Place | None:
         """A place on the way to an extreme from those of the sides next to it; None where they are too far apart.
@@ -243,8 +269,9 @@ class _Search:
     def _sharpen(self, polygon: Outline, within: float, enough: float = 0.0) -> None:
         """Cut corners off, from the part of the problem that sees the entry; the farthest is so many gaps from what is reached."""
         while polygon.radius > enough and polygon.extent < (1 - within * self._gap) * polygon.radius:
-            direction = polygon.between
-            if direction is None or direction in polygon.sides:
+            unsolved = [k for k in polygon.beside if k not in polygon.whole] if self._entries.single else []
+            direction = unsolved[0] if unsolved else polygon.between
+            if direction is None or (direction in polygon.sides and not unsolved):
                 return
             self._side(polygon, direction)
 

@@ -16,7 +16,7 @@ from robustid.identification.exact_evaluation import ball_arithmetic, verify_mar
 from robustid.identification.formulation import FORMS, check_equations, told_apart_functions
 from robustid.identification.loop import Loop
 from robustid.identification.loop_response import loop_noise, loop_response, measured_faults
-from robustid.identification.margin import prove_margin
+from robustid.identification.margin import decide_margin, prove_margin
 from robustid.identification.model import nominal_model, parametric_states
 from robustid.identification.passive import check_gain, class_size, class_value, contradictions
 from robustid.identification.passive_prior import (
@@ -70,6 +70,7 @@ __all__ = [
     "common_scope",
     "compare",
     "contradictions",
+    "decide_margin",
     "describe_poles",
     "entry_name",
     "evaluate_support",

@@ -80,6 +80,26 @@ def prove_margin(
     return claim, passed
 
 
+def decide_margin(
+    data: ConvexData, inside: float, above: float, budget: Budget | None = None
+) -> Candidate | MarginCertificate | None:
+    """Return what the path shows first: a point whose margin is at most `inside`, or a certificate of one `above`.
+
+    None where neither is, or the time is over: a margin between the two takes `prove_margin`.
+    """
+    for candidate, margin, gap in margin_path(data):
+        reached = data.margin(candidate.x, candidate.p)
+        if reached <= inside:
+            return candidate
+        if margin - gap > above:
+            certificate = certify_margin(candidate.samples, candidate.ball, reached, data.rows, data.sarason)
+            if certificate.value > above:
+                return certificate
+        if budget is not None and budget.over:
+            return None
+    return None
+
+
 def _candidates(data: ConvexData, solver: str, accuracy: float) -> Iterator[tuple[Candidate, bool, int]]:
     """The point of a conic solver, then our own path; whether the optimum is so near that a certificate is worth its time.
 

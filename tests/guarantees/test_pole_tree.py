@@ -11,7 +11,7 @@ from robustid.guarantees import box_of
 from robustid.guarantees.pole_proofs import KeptCell
 from robustid.guarantees.pole_tree import PoleTree
 from robustid.guarantees.sweep import Means
-from robustid.guarantees.value_set import gap_of
+from robustid.guarantees.value_set import gap_of, value_set_claims
 
 BOX = np.array([[9.85, 10.15]]), np.array([[0.035, 0.065]])
 PEAK, NEAR, BESIDE = 10.0, 12.0, 18.0
@@ -71,6 +71,16 @@ def test_more_cells_prove_less_and_never_less_than_consistent_systems_reach():
 def test_many_cells_come_near_to_what_consistent_systems_reach():
     """A plain grid of poles, each solved by itself."""
     assert reached(PEAK, 9) <= largest(PEAK, 24)[0] <= 1.1 * reached(PEAK, 9)
+
+
+def test_sides_of_halves_that_the_multipliers_of_the_whole_prove_hold_too():
+    _, leaves = largest(PEAK, 8)
+    taken = 0
+    for leaf in leaves:
+        (found,) = leaf.values[PEAK]
+        assert all(claim.verify() for claim in value_set_claims(leaf.found, found))
+        taken += leaf.before(PEAK) is not None and bool(np.any(np.isnan(found.points)))  # not all of them were solved
+    assert taken
 
 
 def test_far_from_the_box_one_cell_says_it_all():

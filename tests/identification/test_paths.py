@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.identification import consistency
+from robustid.identification import consistency, decide_margin
 from robustid.identification import margin as margin_module
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver import analytic_center, gain_path, margin_path
@@ -40,6 +40,19 @@ def test_barely_feasible_problems_are_decided(case):
             assert result.status is (rid.Status.CONSISTENT if d < 0 else rid.Status.INCONSISTENT)
             decided += 1
     assert decided >= 2
+
+
+def test_a_margin_is_decided_by_what_the_path_shows_first():
+    """A point inside, a certificate of more, or nothing between the two; the margin itself is known from its proof."""
+    data = ExactFormulation(random_problem(40, "parametric", 10, spread=0.5, noise=1.5)).data
+    margin = margin_module.prove_margin(data, "structured", 1e-4)[0].margin
+    assert margin > 0.1
+    point = decide_margin(data, 1.2 * margin, 1.5 * margin)
+    assert margin * (1 - 1e-3) <= data.margin(point.x, point.p) <= 1.2 * margin
+    proof = decide_margin(data, 0.5 * margin, 0.9 * margin)
+    assert 0.9 * margin < proof.value <= margin
+    assert proof.verify(data.rows, data.sarason)
+    assert decide_margin(data, 0.9 * margin, 1.1 * margin) is None
 
 
 def lowest(data):

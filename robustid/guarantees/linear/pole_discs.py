@@ -243,8 +243,15 @@ def distances(points: Complex, s: complex | Complex) -> Real:
 
 def middle_of(points: Complex) -> complex:
     """Middle of a small hyperbolic disc of Re s < 0 around points."""
+    return _middle_of(np.ascontiguousarray(points, dtype=complex).tobytes())
+
+
+@functools.lru_cache(maxsize=4096)
+def _middle_of(numbers: bytes) -> complex:
+    """The same of the bytes of points: a cell of a box asks for its own several times."""
     import scipy.optimize
 
+    points: Complex = np.frombuffer(numbers, dtype=complex)
     scale, turn = np.exp(np.log(-points.real).mean()), points.imag.mean()
 
     def of(parts: Real) -> complex:
