@@ -277,12 +277,24 @@ def test_maps_of_a_loop_that_ran_are_those_of_its_plant():
 
 
 @pytest.mark.quick
+def test_balanced_states_leave_a_function_as_it_is_and_make_its_matrices_small():
+    # (0.05/(z - 0.95))^8, a chain whose resolvent at z = 1 has the norm of 20^8 times its couplings.
+    A, B, C = 0.95 * np.eye(8) + np.eye(8, k=-1), 0.05**8 * np.eye(8, 1), np.eye(1, 8, 7)
+    chain = Known(*([[Fraction(v) for v in row] for row in part.tolist()] for part in (A, B, C)), [[Fraction(0)]])
+    found = chain.balanced.matrices
+    z = np.exp(1j * np.linspace(0, np.pi, 9))
+    np.testing.assert_allclose(response_at(found, z)[:, 0, 0], (0.05 / (z - 0.95)) ** 8, atol=1e-11)
+    assert np.linalg.norm(np.linalg.inv(np.eye(8) - A)) > 1e10
+    assert np.linalg.norm(np.linalg.inv(np.eye(8) - found.A)) < 100
+
+
+@pytest.mark.quick
 def test_of_a_plant_that_was_measured_in_a_loop_peaks_and_another_controller_are_proved(program, tmp_path):
     band = band_with_model(2)
     size = float(np.max(np.abs(band.bands[0].centre) + band.bands[0].radius))
-    small, gain = (control.ss([], [], [], k / size, band.problem.dt) for k in (0.1, 0.5))
+    small, integral = (control.ss(*one, 0.1 / size, band.problem.dt) for one in (([], [], []), (1, 0.02 / size, 1)))
     loop = rid.Loop(small)
-    ran, other = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, controller=gain)
+    ran, other = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, controller=integral)
     text = proof_text(ran)
     assert asked(program, text, tmp_path)[0] == 0
     peaks = [max(map(float, statement_of(text, k)["bounds"])) for k in range(4)]
