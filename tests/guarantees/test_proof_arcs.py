@@ -13,7 +13,7 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
-from robustid.guarantees import Band, proof_text
+from robustid.guarantees import Band, proof_loop, proof_text
 from robustid.guarantees.proof_arcs import Known
 from support.proof_judge import judged
 from support.proof_loops import (
@@ -284,17 +284,18 @@ def test_balanced_states_leave_a_function_as_it_is_and_make_its_matrices_small()
     found = chain.balanced.matrices
     z = np.exp(1j * np.linspace(0, np.pi, 9))
     np.testing.assert_allclose(response_at(found, z)[:, 0, 0], (0.05 / (z - 0.95)) ** 8, atol=1e-11)
-    assert np.linalg.norm(np.linalg.inv(np.eye(8) - A)) > 1e10
-    assert np.linalg.norm(np.linalg.inv(np.eye(8) - found.A)) < 100
+    before, after = (np.linalg.norm(np.linalg.inv(np.eye(8) - one)) for one in (A, found.A))
+    assert before > 20**8 / 2
+    assert after < 20**3
 
 
 @pytest.mark.quick
 def test_of_a_plant_that_was_measured_in_a_loop_peaks_and_another_controller_are_proved(program, tmp_path):
     band = band_with_model(2)
     size = float(np.max(np.abs(band.bands[0].centre) + band.bands[0].radius))
-    small, integral = (control.ss(*one, 0.1 / size, band.problem.dt) for one in (([], [], []), (1, 0.02 / size, 1)))
+    small, gain = (control.ss([], [], [], k / size, band.problem.dt) for k in (0.1, 0.5))
     loop = rid.Loop(small)
-    ran, other = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, controller=integral)
+    ran, other = rid.loop_bounds(band, loop), rid.loop_bounds(band, loop, controller=gain)
     text = proof_text(ran)
     assert asked(program, text, tmp_path)[0] == 0
     peaks = [max(map(float, statement_of(text, k)["bounds"])) for k in range(4)]
@@ -303,6 +304,21 @@ def test_of_a_plant_that_was_measured_in_a_loop_peaks_and_another_controller_are
     text = proof_text(other)
     assert statement_of(text)["kind"] == "loop"
     assert asked(program, text, tmp_path)[0] == 0
+
+
+def test_a_controller_with_an_integrator_is_written_for_a_plant_that_has_one_too(monkeypatch):
+    # At z = 1 the plant has no bound and the response of the controller is not a number: both meet elsewhere.
+    band = band_with_model(2)
+    dt, unit = band.problem.dt, 1e6 * float(np.max(np.abs(band.bands[0].centre) + band.bands[0].radius))
+    loop = rid.Loop(control.ss([], [], [], 0.5 / unit, dt), control.ss(1, 1, unit, 0, dt))
+    other = control.ss([[1, 0], [0.5, 0.5]], [[0.02], [0.15]], [[0, 1 / unit]], 0, dt)
+    assert np.isnan(response_at(StateMatrices.of(other), np.ones(1)).item())
+    found = rid.loop_bounds(band, loop, controller=other)
+    written: list[Known] = []
+    monkeypatch.setattr(proof_loop, "arcs_of", lambda band, known, *rest, **named: written.append(known))
+    with pytest.raises(InputError, match="on every arc"):  # that there are none here
+        proof_text(found)
+    assert np.abs(np.linalg.eigvals(written[0].matrices.A)).max() < 1
 
 
 @pytest.mark.slow
