@@ -144,7 +144,7 @@ class Known(NamedTuple):
         if not A.size:
             return self
         left, right = (
-            np.hstack([one, _RESERVE * np.linalg.norm(one) * np.eye(len(A))])
+            np.hstack([one, _RESERVE * float(np.linalg.norm(one)) * np.eye(len(A))])
             for one in gramian_factors(Parts(A, B, C), discrete=True)
         )
         into, _ = balancing(left, right).projections(len(A))
@@ -152,7 +152,7 @@ class Known(NamedTuple):
         for _ in range(_NEWTON):
             V = V + V @ (one - T @ V)
         a, b, c = (np.array(part, dtype=object) for part in self[:3])
-        return type(self)(*(_rounded(part) for part in (V @ a @ T, V @ b, c @ T)), self.D)
+        return self._replace(A=_rounded(V @ a @ T), B=_rounded(V @ b), C=_rounded(c @ T))
 
     @property
     def text(self) -> Record:

@@ -280,7 +280,8 @@ def test_maps_of_a_loop_that_ran_are_those_of_its_plant():
 def test_balanced_states_leave_a_function_as_it_is_and_make_its_matrices_small():
     # (0.05/(z - 0.95))^8, a chain whose resolvent at z = 1 has the norm of 20^8 times its couplings.
     A, B, C = 0.95 * np.eye(8) + np.eye(8, k=-1), 0.05**8 * np.eye(8, 1), np.eye(1, 8, 7)
-    chain = Known(*([[Fraction(v) for v in row] for row in part.tolist()] for part in (A, B, C)), [[Fraction(0)]])
+    exact = [[[Fraction(v) for v in row] for row in part.tolist()] for part in (A, B, C, np.zeros((1, 1)))]
+    chain = Known(*exact)
     found = chain.balanced.matrices
     z = np.exp(1j * np.linspace(0, np.pi, 9))
     np.testing.assert_allclose(response_at(found, z)[:, 0, 0], (0.05 / (z - 0.95)) ** 8, atol=1e-11)

@@ -89,7 +89,7 @@ def test_an_entry_that_refutes_a_matrix_is_proved_in_fractions_too(program, tmp_
 @pytest.mark.quick
 def test_entries_that_are_tied_together_are_refused():
     posed, dt = matrix(1), 0.1
-    symmetric = rid.FrequencyResponse([1.0, 2.0], np.full((2, 2, 2), 0.5), bound=0.1, dt=dt)
+    symmetric = rid.FrequencyResponse(np.array([1.0, 2.0]), np.full((2, 2, 2), 0.5), bound=0.1, dt=dt)
     prior = rid.Prior(gain_bound=2.0, decay_rate=1.2)
     record = rid.TimeRecord(np.eye(4, 2), np.zeros((4, 2)), bound=0.1, dt=dt)
     for reason, one in (
