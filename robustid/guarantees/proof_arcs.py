@@ -148,7 +148,7 @@ class Known(NamedTuple):
             for one in gramian_factors(Parts(A, B, C), discrete=True)
         )
         into, _ = balancing(left, right).projections(len(A))
-        T, V, one = _exact(into), _exact(np.linalg.inv(into)), _exact(np.eye(len(A)))
+        T, V, one = _exact(into), _exact(np.asarray(np.linalg.inv(into), dtype=float)), _exact(np.eye(len(A)))
         for _ in range(_NEWTON):
             V = V + V @ (one - T @ V)
         a, b, c = (np.array(part, dtype=object) for part in self[:3])
