@@ -53,7 +53,7 @@ def _alone(samples: Samples, extraction: Extraction) -> tuple[Samples, Extractio
     }
     for reason, holds in reasons.items():
         if holds:
-            raise InputError(NOT_YET.format(reason))
+            raise InputError(NOT_YET.format(f"it has several inputs or outputs, and {reason}"))
     gain = float(samples.gains[0])
     own = Prior(gain_bound=gain, decay_rate=prior.decay_rate, decay=prior.decay)
     lines = [item.entry(*samples.entry) for item in problem.frequency]
