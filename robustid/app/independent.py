@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from robustid.errors import InputError
 
@@ -45,15 +45,10 @@ def checker() -> str:
     return found
 
 
-def proof_texts(result: Any) -> list[str]:
-    """Return the proof files of a result: of designs one a band, of families one a member; InputError as `proof_text`."""
-    from robustid.guarantees import proof_text
-
-    return [proof_text(one) for one in getattr(result, "proofs", ()) or (result,)]
-
-
 def proved_independently(named: Mapping[str, object]) -> dict[str, bool]:
     """Ask the checker about saved results by their names: whether it proves each of them; InputError as `check_independently`."""
+    from robustid.guarantees import proof_texts
+
     texts = {name: proof_texts(one) for name, one in named.items()}
     return {name: all(check_independently(text).proved for text in own) for name, own in texts.items()}
 

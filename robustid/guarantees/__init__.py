@@ -37,7 +37,7 @@ from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_p
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, box_of
 from robustid.guarantees.power import Judgement, shown
-from robustid.guarantees.proof_file import proof_text
+from robustid.guarantees.proof_file import proof_text, proof_texts
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
 from robustid.guarantees.scope import in_box, scope_of
@@ -152,6 +152,7 @@ __all__ = [
     "otherwise_words",
     "output_errors",
     "proof_text",
+    "proof_texts",
     "ranked",
     "refute",
     "response_tube",

@@ -9,12 +9,14 @@ from fractions import Fraction
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, Record, StateMatrices, normalising_feedback, scaled_states
+from robustid.core import Complex, Real, Record, StateMatrices, balancing, normalising_feedback, scaled_states
 from robustid.errors import InputError
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.pole_discs import PoleDiscs
 from robustid.guarantees.proof_question import NOT_YET
+from robustid.reduction import Parts, gramian_factors
 
 MOST_STATES = 64  # of functions in a file
 _WIDER = 1 + 1e-8
@@ -25,6 +27,8 @@ _CLOSE, _CLOSER = (
     1.02,
     1 + 5e-7,
 )  # times what the ends of an arc say: farther claims are halved; above a target, until there
+_BITS, _NEWTON = 200, 4  # of balanced states, after the point; steps to an inverse
+_RESERVE = 1e-7  # of the root of a Gramian, added so that every state is reached and seen
 _ROUNDS, _MOST = 24, 30_000  # of halving arcs, and knots
 
 Exact = list[list[Fraction]]
@@ -127,7 +131,28 @@ class Known(NamedTuple):
             "control_sensitivity": ([N, none], [[n], [zero]]),
         }
         found = {name: cls(A, B, *rows).behind(factors) for name, rows in given.items()}
-        return {name: one._replace(C=one.C[:2], D=one.D[:2]) for name, one in found.items()}
+        return {name: one._replace(C=one.C[:2], D=one.D[:2]).balanced for name, one in found.items()}
+
+    @property
+    def balanced(self) -> Self:
+        """The same functions, stable ones, in states that are about balanced, to `_BITS` after the point.
+
+        The norms that bound their curvature are near it there; of a series of factors with close poles they are thousands of times
+        as large.
+        """
+        A, B, C, _ = self.matrices
+        if not A.size:
+            return self
+        left, right = (
+            np.hstack([one, _RESERVE * float(np.linalg.norm(one)) * np.eye(len(A))])
+            for one in gramian_factors(Parts(A, B, C), discrete=True)
+        )
+        into, _ = balancing(left, right).projections(len(A))
+        T, V, one = _exact(into), _exact(np.asarray(np.linalg.inv(into), dtype=float)), _exact(np.eye(len(A)))
+        for _ in range(_NEWTON):
+            V = V + V @ (one - T @ V)
+        a, b, c = (np.array(part, dtype=object) for part in self[:3])
+        return self._replace(A=_rounded(V @ a @ T), B=_rounded(V @ b), C=_rounded(c @ T))
 
     @property
     def text(self) -> Record:
@@ -290,6 +315,14 @@ def _scaled(system: StateMatrices) -> tuple[Exact, Exact, Exact, Exact]:
         raise InputError(NOT_YET.format(f"a model of {len(A)} states, of {MOST_STATES} possible, takes part"))
     A, B, C, D = ([[Fraction(one) for one in row] for row in part.tolist()] for part in (A, B, C, system.D))
     return A, B, C, D
+
+
+def _exact(matrix: Real) -> NDArray[np.object_]:
+    return np.array([[Fraction(one) for one in row] for row in matrix.tolist()], dtype=object)
+
+
+def _rounded(matrix: NDArray[np.object_]) -> Exact:
+    return [[Fraction(round(one * 2**_BITS), 2**_BITS) for one in row] for row in matrix.tolist()]
 
 
 def _shapes(A: Exact, B: Exact, C: Exact, D: Exact) -> list[tuple[Exact, tuple[int, int]]]:

@@ -24,6 +24,7 @@ from robustid.guarantees.linear.functions import functions_of
 from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
 from robustid.guarantees.loop_bounds import LoopBounds
 from robustid.guarantees.proof_arcs import MOST_STATES, Arcs, Known, arcs_of
+from robustid.guarantees.proof_entries import band_of_entry, contradiction_of_entry, words_of
 from robustid.guarantees.proof_factors import MOST_POWERS, InKernels, in_kernels
 from robustid.guarantees.proof_loop import BEYOND, statements_of
 from robustid.guarantees.proof_passive import scattering_of
@@ -59,12 +60,13 @@ def proof_text(result: object) -> str:
     Parameters
     ----------
     result : Band, WorstCaseError, LoopBounds, Identification or Contradiction
-        Of one input and one output, of a class without a weight; records from rest, in discrete time and beside exact poles. Of a
-        band, over a pole-uncertainty box too, the discs of its sums at its frequencies and, in discrete time around a model of at
-        most 64 states, bounds of its error on the whole axis; of bounds at exact poles the supports of their polygons; of a loop in
-        discrete time with a controller that every consistent plant is stabilised, and peaks and margins on the whole axis (of a
-        plant measured in a loop peaks with the controller that ran, stability with others); of an identification the system that
-        fits, or that none does, of passive classes that of S = (F - r)/(F + r).
+        Of one input and one output (of more a contradiction between samples of one entry), of a class without a weight; records
+        from rest, in discrete time and beside exact poles. Of a band, over a pole-uncertainty box too, the discs of its sums at its
+        frequencies and, in discrete time around a model of at most 64 states, bounds of its error on the whole axis; of bounds at
+        exact poles the supports of their polygons; of a loop in discrete time with a controller that every consistent plant is
+        stabilised, and peaks and margins on the whole axis (of a plant measured in a loop peaks with the controller that ran,
+        stability with others); of an identification the system that fits, or that none does, of passive classes that of
+        S = (F - r)/(F + r).
 
     Returns
     -------
@@ -85,10 +87,37 @@ def proof_text(result: object) -> str:
         return _of_polygons(result)
     if not isinstance(result, Band):
         raise InputError(NOT_YET.format("only bands, polygons, loops and identifications have"))
-    return _of_band(result)
+    if (count := len(texts := proof_texts(result))) > 1:
+        raise InputError(
+            f"`result` has a proof file for each of its {count} entries; `proof_texts` returns all of them"
+        )
+    return texts[0]
 
 
-def _of_band(band: Band) -> str:
+def proof_texts(result: Any) -> list[str]:
+    """Return the proof files of a result: of designs one a band, of families one a member, of matrices one for each entry's band.
+
+    Parameters
+    ----------
+    result : Band, WorstCaseError, LoopBounds, Identification, Contradiction, ControllerDesign or Family
+        As of `proof_text`; a band may have several inputs and outputs.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    InputError
+        The format does not express one of them yet.
+    """
+    if not isinstance(result, Band):
+        return [proof_text(one) for one in getattr(result, "proofs", ()) or (result,)]
+    words = [words_of(one.samples) for one in result.bands]
+    return [_of_band(band_of_entry(result, k), response) for k, response in enumerate(words)]
+
+
+def _of_band(band: Band, response: str | None = None) -> str:
     """Discs at the frequencies of a band where its sums say something."""
     check_expressed(band.problem)
     omega, one = np.asarray(band.omega), band.bands[0]
@@ -111,7 +140,7 @@ def _of_band(band: Band) -> str:
             evidence.append(axis[1])
     if not statements:
         raise InputError(NOT_YET.format("its sums say nothing at its frequencies"))
-    return _file(band.problem, one.extraction, statements, evidence)
+    return _file(band.problem, one.extraction, statements, evidence, response)
 
 
 def _on_axis(band: Band, model: StateMatrices) -> Iterator[tuple[Record, Record]]:
@@ -154,7 +183,8 @@ def _multipliers(band: EntryBand, angle: float) -> tuple[Any, Complex]:
     return points, d
 
 
-def _of_contradiction(found: Contradiction, response: str | None = None) -> str:
+def _of_contradiction(given: Contradiction, response: str | None = None) -> str:
+    found, response = contradiction_of_entry(given), response or words_of(given.samples)
     evidence = _sums(found.samples, found.base, found.points, found.multipliers)
     return _file(found.problem, found.extraction, [{"kind": "inconsistent"}], [evidence], response)
 
@@ -251,10 +281,13 @@ def _with_factors(posed: Formulation, functions: InKernels, samples: Complex, Y:
 
 def _of_identification(result: Identification, response: str | None = None) -> str:
     """The values of a system at the samples, or sums that refute the class."""
+    if result.problem.entries.shape == (1, 1):
+        check_expressed(result.problem)
+    if result.status is Status.INCONSISTENT and (found := contradiction(result.problem)) is not None:
+        return _of_contradiction(found, response)
     check_expressed(result.problem)
     if result.status is Status.INCONSISTENT:
-        found = contradiction(result.problem)
-        return _of_margin(result, response) if found is None else _of_contradiction(found, response)
+        return _of_margin(result, response)
     if result.status is not Status.CONSISTENT:
         raise InputError(NOT_YET.format("it is undecided"))
     gains = _reflections(result)

@@ -53,6 +53,7 @@ def _factors(found: LoopBounds) -> Known:
     inner = np.stack([np.ones(z.size), one.centre], axis=1)
     u, y = np.abs(response_at(factors, z) @ inner[:, :, None])[:, :, 0].T
     size = np.abs(response_at(controller, z)[:, 0, 0]) * y / u
+    size = np.where(np.isfinite(size), size, np.inf)  # at the pole of an integrator it has no value
     crossing = int(np.argmin(np.abs(np.log(np.maximum(size, np.finfo(float).tiny)))))
     known = Known.loop_of(controller, float((y / u)[crossing]), dt)
     return known if found.in_open_loop else known.behind(factors)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.independent import proof_texts
+from robustid.guarantees import proof_texts
 from support import command_line
 from support.proof_loops import loop_of
 from support.proofs import asked, built, problem

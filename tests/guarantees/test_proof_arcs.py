@@ -13,7 +13,7 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices, response_at
 from robustid.errors import InputError
-from robustid.guarantees import Band, proof_text
+from robustid.guarantees import Band, proof_loop, proof_text
 from robustid.guarantees.proof_arcs import Known
 from support.proof_judge import judged
 from support.proof_loops import (
@@ -277,6 +277,20 @@ def test_maps_of_a_loop_that_ran_are_those_of_its_plant():
 
 
 @pytest.mark.quick
+def test_balanced_states_leave_a_function_as_it_is_and_make_its_matrices_small():
+    # (0.05/(z - 0.95))^8, a chain whose resolvent at z = 1 has the norm of 20^8 times its couplings.
+    A, B, C = 0.95 * np.eye(8) + np.eye(8, k=-1), 0.05**8 * np.eye(8, 1), np.eye(1, 8, 7)
+    exact = [[[Fraction(v) for v in row] for row in part.tolist()] for part in (A, B, C, np.zeros((1, 1)))]
+    chain = Known(*exact)
+    found = chain.balanced.matrices
+    z = np.exp(1j * np.linspace(0, np.pi, 9))
+    np.testing.assert_allclose(response_at(found, z)[:, 0, 0], (0.05 / (z - 0.95)) ** 8, atol=1e-11)
+    before, after = (np.linalg.norm(np.linalg.inv(np.eye(8) - one)) for one in (A, found.A))
+    assert before > 20**8 / 2
+    assert after < 20**3
+
+
+@pytest.mark.quick
 def test_of_a_plant_that_was_measured_in_a_loop_peaks_and_another_controller_are_proved(program, tmp_path):
     band = band_with_model(2)
     size = float(np.max(np.abs(band.bands[0].centre) + band.bands[0].radius))
@@ -291,6 +305,21 @@ def test_of_a_plant_that_was_measured_in_a_loop_peaks_and_another_controller_are
     text = proof_text(other)
     assert statement_of(text)["kind"] == "loop"
     assert asked(program, text, tmp_path)[0] == 0
+
+
+def test_a_controller_with_an_integrator_is_written_for_a_plant_that_has_one_too(monkeypatch):
+    # At z = 1 the plant has no bound and the response of the controller is not a number: both meet elsewhere.
+    band = band_with_model(2)
+    dt, unit = band.problem.dt, 1e6 * float(np.max(np.abs(band.bands[0].centre) + band.bands[0].radius))
+    loop = rid.Loop(control.ss([], [], [], 0.5 / unit, dt), control.ss(1, 1, unit, 0, dt))
+    other = control.ss([[1, 0], [0.5, 0.5]], [[0.02], [0.15]], [[0, 1 / unit]], 0, dt)
+    assert np.isnan(response_at(StateMatrices.of(other), np.ones(1)).item())
+    found = rid.loop_bounds(band, loop, controller=other)
+    written: list[Known] = []
+    monkeypatch.setattr(proof_loop, "arcs_of", lambda band, known, *rest, **named: written.append(known))
+    with pytest.raises(InputError, match="on every arc"):  # that there are none here
+        proof_text(found)
+    assert np.abs(np.linalg.eigvals(written[0].matrices.A)).max() < 1
 
 
 @pytest.mark.slow

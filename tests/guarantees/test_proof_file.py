@@ -303,7 +303,7 @@ def test_what_is_not_expressed_is_refused_with_its_reason():
     frf = rid.FrequencyResponse(omega, np.ones((9, 1, 2)), bound=0.1, dt=0.1)
     two = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.5))
     with pytest.raises(InputError, match="several inputs"):
-        proof_text(rid.band(two, omega=[2.0]))
+        proof_text(rid.identify(two))
     with pytest.raises(InputError, match="only bands"):
         proof_text(posed)
 

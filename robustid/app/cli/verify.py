@@ -65,11 +65,11 @@ def verify(
     Exit codes: 0 all hold, 1 one does not, 2 misuse (files that do not belong together too), 70 an error of the program,
     130 interrupted.
     """
-    from robustid.app.independent import checker, proof_texts
+    from robustid.app.independent import checker
     from robustid.app.load_save import load_result
     from robustid.controllers import ControllerDesign
     from robustid.core import atomic_write
-    from robustid.guarantees import Band, Interconnection, LoopBounds
+    from robustid.guarantees import Band, Interconnection, LoopBounds, proof_texts
 
     console, of_loops = screen.console(stderr=as_json), (LoopBounds, Interconnection, ControllerDesign)
     with in_words({"exact": "--exact", "independent": "--independent", "result": str(source)}):
