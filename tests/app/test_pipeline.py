@@ -24,7 +24,10 @@ def numbers(folder, *names):
 
 def same_numbers(one, two, *names):
     first, second = numbers(one, *names), numbers(two, *names)
-    return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
+    # A side that the proof of a larger set gives has no system that comes near to it: its point is NaN in both.
+    return first.keys() == second.keys() and all(
+        np.array_equal(first[k], second[k], equal_nan=first[k].dtype.kind in "fc") for k in first
+    )
 
 
 @pytest.mark.usefixtures("unpaged")
