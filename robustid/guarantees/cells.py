@@ -100,7 +100,8 @@ def enclose(model: control.StateSpace, angles: Real, coarse: Callable[[Pieces], 
     Radii include an allowance for the rounding of the solution of linear systems, to first order.
     """
     matrices = (*scaled_states(model.A, model.B, model.C), np.asarray(model.D))
-    cell, low, high = np.arange(angles.size - 1), angles[:-1], angles[1:]
+    cell: NDArray[np.intp] = np.arange(angles.size - 1)
+    low, high = angles[:-1], angles[1:]
     done: list[Pieces] = []
     for depth in range(_DEPTH):
         pieces = Pieces(cell, (low + high) / 2, (high - low) / 2, *_on_arcs(matrices, low, high))
@@ -108,10 +109,15 @@ def enclose(model: control.StateSpace, angles: Real, coarse: Callable[[Pieces], 
         done.append(pieces.of(~split))
         if not split.any():
             break
-        cell, low, middle, high = cell[split], low[split], pieces.middle[split], high[split]
-        cell, low, high = np.tile(cell, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
+        low, high = _halves(low[split], pieces.middle[split], high[split])
+        cell = np.tile(cell[split], 2)
     joined: list[Any] = [np.concatenate(parts) for parts in zip(*done, strict=True)]
     return Pieces(*joined)
+
+
+def _halves(low: Real, middle: Real, high: Real) -> tuple[Real, Real]:
+    """Ends of the lower halves of arcs and of the upper ones."""
+    return np.concatenate([low, middle]), np.concatenate([middle, high])
 
 
 def _on_arcs(matrices: tuple[Real, Real, Real, Real], low: Real, high: Real) -> tuple[Complex, Real]:

@@ -158,11 +158,14 @@ class ModelError:
         small = np.flatnonzero(sizes <= _LITTLE * sizes[0])
         return float(doubles[small[0]]) if small.size else last
 
+    @functools.cached_property
     def beyond(self) -> Real:
         """Bound of the entries from the last edge to infinity, (1, ny, nu): the class, and the rest by its ends and bends.
 
-        Infinite for positive-real classes, of which nothing bounds the gain at infinity.
+        Infinite for positive-real classes, of which nothing bounds the gain at infinity; (0, ny, nu) where the range ends there.
         """
+        if self.range[1] <= self.end:
+            return np.zeros((0, *self.model.D.shape))
         identification, plane = self.identification, self.identification.problem.plane
         prior = identification.problem.prior
         if prior.positive_real:  # they may grow like s
@@ -218,10 +221,8 @@ def refine(
     Within the time; `values`, of `settings` (directions and gap), and those of a bound `before` are used again. New ends get a
     coarse value set, which does for most of them, and a fine one where the arc is short enough for it to matter.
     """
-    plane, (bottom, top) = error.identification.problem.plane, error.range
-    further = error.beyond() if top > error.end else np.zeros((0, *error.model.D.shape))
+    plane, bottom, last = error.identification.problem.plane, error.range[0], error.end
     known = by_frequency(before.values if before is not None else ())
-    last = error.end
     known |= {w: sets for w, sets in by_frequency(values).items() if bottom <= w <= last}
     fine = {
         w
@@ -240,41 +241,56 @@ def refine(
                 break
             # The ends of the circle, first of all, whatever they take.
             now = means if rounds > 1 else means._replace(budget=None)
-            sets_there: list[ValueSet] = value_sets(consistent, np.array(wanted), *how, now, error.model)
-            found = by_frequency(sets_there)
+            found = by_frequency(value_sets(consistent, np.array(wanted), *how, now, error.model))
             known |= found
             fine |= set(found) & set(sharp)
             cut |= len(found) < len(wanted)
-        edges = np.array(sorted(known))
-        entries, upper, lower = error.arrays_at({w: known[w] for w in edges.tolist()})
-        sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
-        ends = np.maximum(sure[:-1], sure[1:])
-        peak = ends if everywhere else np.full(ends.size, sure.max())
-        arcs = list(itertools.pairwise(edges.tolist()))
-        limits |= {(a, b): error.bend(a, b) for a, b in arcs if (a, b) not in limits}
-        bends = np.array([limits[arc] for arc in arcs])
-        bounds, bound = _between(entries, upper, bends)
-        open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
-        sets = tuple(one for w in edges.tolist() for one in known[w])
-        result = CircleBound(
-            np.append(edges, [top] * len(further)),
-            np.append(bound, norm_of_bounds(further)),
-            float(lower.max()),
-            open_arcs.size == 0,
-            sets,
-            np.concatenate([bounds, further]),
-        )
-        coarse, sharp = [], []
-        for k, bend in zip(open_arcs, norm_of_bounds(bends[open_arcs]), strict=True):
-            ends_of_arc = zip(arcs[k], upper[k : k + 2], strict=True)
-            rough = [w for w, u in ends_of_arc if w not in fine and u + bend > peak[k]]
-            if bend <= 0.5 * rtol * peak[k] and rough:
-                sharp += rough
-            else:
-                coarse.append(plane.middle(*arcs[k]))
-        sharp = sorted(set(sharp))
-        if result.converged or cut or edges.size + len(coarse) > most or rounds == _ROUNDS:
+        result, coarse, sharp = _halved(error, known, fine, limits, rtol, everywhere)
+        if result.converged or cut or len(known) + len(coarse) > most or rounds == _ROUNDS:
             return result
+
+
+def _halved(
+    error: ModelError,
+    known: dict[float, tuple[ValueSet, ...]],
+    fine: set[float],
+    limits: dict[tuple[float, float], Real],
+    rtol: float,
+    everywhere: bool,
+) -> tuple[CircleBound, list[float], list[float]]:
+    """The bound on the circle from value sets, and the frequencies that it asks for: coarse ones and fine ones.
+
+    `limits` are the bends of arcs, remembered from round to round.
+    """
+    edges = np.array(sorted(known))
+    entries, upper, lower = error.arrays_at({w: known[w] for w in edges.tolist()})
+    sure = np.where([w in fine for w in edges], upper, lower)  # errors known to be about that large
+    ends = np.maximum(sure[:-1], sure[1:])
+    peak = ends if everywhere else np.full(ends.size, sure.max())
+    arcs = list(itertools.pairwise(edges.tolist()))
+    limits |= {(a, b): error.bend(a, b) for a, b in arcs if (a, b) not in limits}
+    bends = np.array([limits[arc] for arc in arcs])
+    bounds, bound = _between(entries, upper, bends)
+    open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
+    further = error.beyond
+    result = CircleBound(
+        np.append(edges, [error.range[1]] * len(further)),
+        np.append(bound, norm_of_bounds(further)),
+        float(lower.max()),
+        open_arcs.size == 0,
+        tuple(one for w in edges.tolist() for one in known[w]),
+        np.concatenate([bounds, further]),
+    )
+    coarse: list[float] = []
+    sharp: set[float] = set()
+    for k, bend in zip(open_arcs.tolist(), norm_of_bounds(bends[open_arcs]).tolist(), strict=True):
+        ends_of_arc = zip(arcs[k], upper[k : k + 2].tolist(), strict=True)
+        rough = [w for w, u in ends_of_arc if w not in fine and u + bend > peak[k]]
+        if bend <= 0.5 * rtol * peak[k] and rough:
+            sharp.update(rough)
+        else:
+            coarse.append(error.identification.problem.plane.middle(*arcs[k]))
+    return result, coarse, sorted(sharp)
 
 
 def supported(error: ModelError, circle: CircleBound) -> bool:
@@ -286,7 +302,7 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
     if not np.array_equal(edges, circle.edges) or (bottom, last) != (omega[0], omega[-1]):
         return False
     entries, upper, _ = error.arrays_at(sets)
-    further = error.beyond() if top > last else np.zeros((0, *error.model.D.shape))
+    further = error.beyond
     bends = np.array([error.bend(a, b) for a, b in itertools.pairwise(omega.tolist())])
     bounds, norms = _between(entries, upper, bends)
     bounds, norms = np.concatenate([bounds, further]), np.append(norms, norm_of_bounds(further))

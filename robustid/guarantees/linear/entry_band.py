@@ -34,6 +34,7 @@ _OUTSIDE = 40  # knots below and above the data
 _AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
 _STACK = 2e5  # complex numbers of a stack of evaluations: more leave the cache, and take twice as long
 _ROUNDED = 1e-9  # of the values of a model
+_Knots = tuple[Real, NDArray[np.intp], NDArray[np.complex64]]  # angles, points, multipliers
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -245,29 +246,36 @@ def entry_band(
     samples = extraction.samples
     angles = apart(np.concatenate([wanted, first_knots(samples, low, high)]), _APART * (high - low))
     count = POINTS + min(int(samples.first.sum()), POINTS) // 2  # more where there are more functions to be told apart
-    points, d = _found(samples, extraction, angles, count)
-    open_arcs = np.arange(angles.size - 1)
+    knots = angles, *_found(extraction, angles, count)
+    open_arcs: NDArray[np.intp] = np.arange(angles.size - 1)
     for _ in range(_ROUNDS):
         if not open_arcs.size or (budget is not None and budget.over):
             break
-        middle = (angles[open_arcs] + angles[open_arcs + 1]) / 2
-        low_end, high_end = [(points[k], np.asarray(d[k], dtype=complex)) for k in (open_arcs, open_arcs + 1)]
-        _, between = mixed(samples, extraction, middle, np.full(middle.size, 0.5), low_end, high_end)
-        new_points, new_d = _found(samples, extraction, middle, count, heaviest(samples, low_end, high_end))
-        _, direct = evaluate(samples, extraction, middle, new_points, new_d.astype(complex))
-        loose = between > _LOOSE * direct
-        # Every middle becomes a knot; the arcs beside the loose ones stay open.
-        order = np.argsort(np.concatenate([angles, middle]), kind="stable")
-        fresh = np.concatenate([np.zeros(angles.size, bool), loose])[order]
-        angles = np.concatenate([angles, middle])[order]
-        points, d = np.concatenate([points, new_points])[order], np.concatenate([d, new_d])[order]
-        at = np.flatnonzero(fresh)
-        open_arcs = np.unique(np.concatenate([at - 1, at]))
-        open_arcs = open_arcs[np.diff(angles)[open_arcs] > 4 * _APART * (high - low)]
-        if angles.size > _MOST:
+        knots, open_arcs = _with_middles(extraction, knots, open_arcs, count, 4 * _APART * (high - low))
+        if knots[0].size > _MOST:
             break
     complete = not (open_arcs.size and budget is not None and budget.over)
-    return EntryBand(samples, extraction, angles, points, d, complete)
+    return EntryBand(samples, extraction, *knots, complete)
+
+
+def _with_middles(
+    extraction: Extraction, knots: _Knots, arcs: NDArray[np.intp], count: int, least: float
+) -> tuple[_Knots, NDArray[np.intp]]:
+    """Knots with the middles of arcs among them, and the arcs beside middles where interpolation was loose, longer than `least`."""
+    samples, (angles, points, d) = extraction.samples, knots
+    middle = (angles[arcs] + angles[arcs + 1]) / 2
+    low_end, high_end = [(points[k], np.asarray(d[k], dtype=complex)) for k in (arcs, arcs + 1)]
+    _, between = mixed(samples, extraction, middle, np.full(middle.size, 0.5), low_end, high_end)
+    new_points, new_d = _found(extraction, middle, count, heaviest(samples, low_end, high_end))
+    _, direct = evaluate(samples, extraction, middle, new_points, new_d.astype(complex))
+    loose = between > _LOOSE * direct
+    order = np.argsort(np.concatenate([angles, middle]), kind="stable")
+    fresh = np.concatenate([np.zeros(angles.size, bool), loose])[order]
+    both = np.concatenate([angles, middle])[order]
+    at = np.flatnonzero(fresh)
+    beside = np.unique(np.concatenate([at - 1, at]))
+    found = both, np.concatenate([points, new_points])[order], np.concatenate([d, new_d])[order]
+    return found, beside[np.diff(both)[beside] > least]
 
 
 def unsearched_band(samples: Samples, low: float, high: float) -> EntryBand:
@@ -287,7 +295,7 @@ def quick_band(extraction: Extraction, low: float, high: float, most: int) -> En
     samples, least = extraction.samples, 4 * _APART * (high - low)
     angles = apart(first_knots(samples, low, high, int(_SHARE * most)), least)
     count = FEW + min(int(samples.first.sum()), FEW)
-    band = EntryBand(samples, extraction, angles, *_found(samples, extraction, angles, count, steps=_FEW_STEPS))
+    band = EntryBand(samples, extraction, angles, *_found(extraction, angles, count, steps=_FEW_STEPS))
     radius, arcs, wider = band.radius, np.arange(angles.size - 1), np.zeros(angles.size - 1)
     while True:
         _, middle = band.between(arcs, np.full(arcs.size, 0.5))
@@ -310,7 +318,7 @@ def _halved(band: EntryBand, arcs: NDArray[np.intp], count: int) -> tuple[EntryB
     """The band with knots in the middle of arcs too, and the radii there."""
     middle = (band.angles[arcs] + band.angles[arcs + 1]) / 2
     start = heaviest(band.samples, band.of_knots(arcs), band.of_knots(arcs + 1))
-    points, d = _found(band.samples, band.extraction, middle, count, start)
+    points, d = _found(band.extraction, middle, count, start)
     _, radius = evaluate(band.samples, band.extraction, middle, points, d.astype(complex))
     angles = np.insert(band.angles, arcs + 1, middle)
     points = np.insert(band.points, arcs + 1, points, axis=0)
@@ -319,18 +327,14 @@ def _halved(band: EntryBand, arcs: NDArray[np.intp], count: int) -> tuple[EntryB
 
 
 def _found(
-    samples: Samples,
     extraction: Extraction,
     angles: Real,
     count: int,
     start: tuple[NDArray[np.intp], Complex] | None = None,
     steps: int = STEPS,
 ) -> tuple[NDArray[np.intp], NDArray[np.complex64]]:
-    targets, known = targets_at(samples, angles), extraction.known
-    if start is None:
-        points, d = search(samples, targets, known, points=count, steps=steps)
-    else:
-        points, d = search(samples, targets, known, steps=_STEPS_BETWEEN, start=start)
+    samples, steps = extraction.samples, steps if start is None else _STEPS_BETWEEN
+    points, d = search(samples, targets_at(samples, angles), extraction.known, points=count, steps=steps, start=start)
     return points, d.astype(np.complex64)
 
 
