@@ -109,7 +109,7 @@ class DampedSteps(NamedTuple):
 
     def step(self, damping: float) -> Real:
         """The step of a damping."""
-        return self.directions.T @ self._along(damping)
+        return self.directions.T @ (self.sizes * self.along / (self.sizes**2 + damping))
 
     def within(self, radius: float) -> Real:
         """The step of the smallest damping that is no longer than a radius.
@@ -122,16 +122,16 @@ class DampedSteps(NamedTuple):
         >>> [float(np.linalg.norm(steps.within(radius)).round(9)) for radius in (3.0, 0.5)]
         [1.0, 0.5]
         """
-        if self._length(0.0) <= radius:
+        squares, pull = self.sizes**2, self.sizes * self.along
+
+        def length(damping: float) -> float:
+            step = pull / (squares + damping)
+            return math.sqrt(step @ step)
+
+        if length(0.0) <= radius:
             return self.step(0.0)
-        low, high = 1e-30 * self.sizes[0] ** 2, float(np.linalg.norm(self.sizes * self.along)) / radius
+        low, high = 1e-30 * squares[0], math.sqrt(pull @ pull) / radius
         for _ in range(_BISECTIONS):
             middle = math.sqrt(low * high)
-            low, high = (middle, high) if self._length(middle) > radius else (low, middle)
+            low, high = (middle, high) if length(middle) > radius else (low, middle)
         return self.step(high)
-
-    def _along(self, damping: float) -> Real:
-        return self.sizes * self.along / (self.sizes**2 + damping)
-
-    def _length(self, damping: float) -> float:
-        return float(np.linalg.norm(self._along(damping)))
