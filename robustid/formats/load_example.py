@@ -132,7 +132,7 @@ def _increases(values: np.ndarray) -> bool:
 
 
 def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
-    """As a time record: the first half are inputs where nothing is named, else one."""
+    """As a time record: the first half are inputs where nothing is named, else one, and outputs are those of one other unit."""
     fields: dict[str, object] = {}
     if axis is not None:
         steps = np.diff(axis[1].astype(float))
@@ -142,7 +142,10 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     if len(rest) == 1:
         return _alone(table, rest[0], fields, dt)
     half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name or ",:]" in name for name in rest) else 1
-    fields |= {"u": _one(rest[:half]), "y": _one(rest[half : 2 * half])}
+    outputs, unit = rest[half : 2 * half], units.in_brackets(rest[half])[1]
+    if half == 1 and unit and unit != units.in_brackets(rest[0])[1]:
+        outputs = [name for name in rest[1:] if units.in_brackets(name)[1] == unit]
+    fields |= {"u": _one(rest[:half]), "y": _one(outputs)}
     return [_RECORD, *_given(fields, dt), "."]
 
 

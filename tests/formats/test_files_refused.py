@@ -186,6 +186,14 @@ def test_one_sample_has_no_sample_time(tmp_path):
         load(tmp_path / "data.npz")
 
 
+def test_outputs_that_are_proposed_are_all_those_of_one_other_unit(tmp_path):
+    names = ["t [ms]", "drive [mA]", "encoder A [um]", "encoder B [um]", "case [m/s2]"]
+    rows = np.column_stack([np.arange(50), np.random.default_rng(0).standard_normal((50, 4))])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(names), comments="")
+    with pytest.raises(InputError, match=r'"u": "drive \[mA\]", "y": \["encoder A \[um\]", "encoder B \[um\]"\]'):
+        load(tmp_path / "log.csv")
+
+
 def test_a_saved_result_is_not_data(tmp_path):
     record = rid.TimeRecord(np.ones(4), [0.5, 0.75, 0.875, 0.94], dt=0.01, bound=0.01)
     result = rid.identify(rid.MixedProblem(time=record, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2)))
