@@ -167,9 +167,18 @@ def main() -> None:
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         end(place + (error.strerror or str(error)), MISUSE, "refused", "error: ")
-    except Exception:
+    except Exception as error:
+        if _of_ctrl_c(error):
+            end(BEFORE_RESULTS, INTERRUPTED, "stopped")
         # Not caught to hide it: the user is to know whose fault it is, and scripts to tell it from a finding.
         end(traceback.format_exc(), BUG, "broken", "internal error, please report:\n")
+
+
+def _of_ctrl_c(error: BaseException | None) -> bool:
+    """Return whether a library has made this error of a Ctrl-C."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def end(sentence: str, code: int, status: str, head: str = "", error: RobustIdError | None = None) -> NoReturn:

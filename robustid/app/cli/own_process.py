@@ -13,17 +13,21 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send
+from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send, something_is_kept
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from robustid.core import Record
 
 _PATIENCE = (
     0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
 )
 _AT_MOST = 2.0  # seconds, where it gets no processor
-_NOT_YET = "Ctrl-C: ending, with what was found so far; Ctrl-C again ends at once"
+_NOT_YET = "Ctrl-C: ending{}; Ctrl-C again ends at once"
+_KEPT = ", with what was found so far"
 _HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
+_SHORTLY = 0.01
 _CLEAR = "\r\x1b[K"
 
 
@@ -46,7 +50,9 @@ def start() -> None:
     os.set_blocking(steps, False)
     Step.to = steps
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the process that watches passes it on, once
-    signal.signal(_HEARD, _interrupt)
+    for number in (_HEARD, signal.SIGALRM):
+        signal.signal(number, _interrupt)
+    sys.unraisablehook = _unraisable
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
     threading.Thread(target=_end_with, args=(life,), daemon=True).start()
     try:
@@ -73,9 +79,28 @@ def _stopped() -> NoReturn:
     end(BEFORE_RESULTS, INTERRUPTED, "stopped")
 
 
-def _interrupt(*_: object) -> None:
-    send({"heard": True})
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    """Raise Ctrl-C, but in an import: broken off, it leaves half a module, or ends as an error of another kind."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            _again()
+            return
+        frame = frame.f_back
+    send({"heard": True, "kept": something_is_kept()})
     raise KeyboardInterrupt
+
+
+def _again() -> None:
+    """Hear Ctrl-C once more, shortly; the process that watches ends what doesn't hear it until then."""
+    signal.setitimer(signal.ITIMER_REAL, _SHORTLY)
+
+
+def _unraisable(what: sys.UnraisableHookArgs) -> None:
+    """Hear a Ctrl-C again that came where nothing can be raised, as in the end of an object."""
+    if isinstance(what.exc_value, KeyboardInterrupt):
+        _again()
+    else:
+        sys.__unraisablehook__(what)
 
 
 def _taken(*_: object) -> None:
@@ -138,7 +163,7 @@ class _Watch:
         *lines, self._rest = (self._rest + got).split(b"\n")
         for message in map(json.loads, lines):
             if message.get("heard"):
-                self._heard = True
+                self._heard, self._step["kept"] = True, message["kept"]
                 continue
             if message["text"] != self._step["text"]:
                 self._began = time.monotonic()
@@ -160,7 +185,7 @@ class _Watch:
         if self._asked is not None and (passed := now - self._asked) > _PATIENCE:
             if self._heard or self._step["kept"]:
                 self._asked = None
-                self._say(_NOT_YET, "\n", to=2)
+                self._say(_NOT_YET.format(_KEPT * self._step["kept"]), "\n", to=2)
             elif passed > _AT_MOST or self._processor() - self._spent > _PATIENCE:
                 self._end()
         if self._step["text"] and now - self._shown > SILENCE:
