@@ -189,7 +189,9 @@ def test_a_command_that_ends_early_answers_too(tmp_path, monkeypatch, run):
     found = answered(run(["verify", "nothing", "--json"]))
     assert (found["status"], found["exit_code"]) == ("broken", 70)
     for raised in ("KeyboardInterrupt", "SystemError from KeyboardInterrupt()"):  # a library makes another error of it
-        monkeypatch.setattr("robustid.app.load_save.load_result", lambda *_, raised=raised, **__: exec(f"raise {raised}"))
+        monkeypatch.setattr(
+            "robustid.app.load_save.load_result", lambda *_, raised=raised, **__: exec(f"raise {raised}")
+        )
         assert answered(run(["verify", "nothing", "--json"]))["status"] == "stopped"
 
 

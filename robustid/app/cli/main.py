@@ -17,7 +17,7 @@ from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.help_page import Explained, parameters, show_help
 from robustid.app.cli.screen import console
-from robustid.app.cli.steps import INTERRUPTED, Step, tell
+from robustid.app.cli.steps import BEFORE_RESULTS, INTERRUPTED, Step, tell
 from robustid.errors import RobustIdError, SolverError
 from robustid.spellings import command_meant
 
@@ -54,7 +54,6 @@ MISUSE, UNSOLVED, BUG = 2, 1, 70
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
 _LASTING = ("explore", "serve")  # until they are ended
-BEFORE_RESULTS = "interrupted before the results were written"
 _EARLY = "interrupted: what was found by then is written"
 
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send, something_is_kept
+from robustid.app.cli.steps import BEFORE_RESULTS, INTERRUPTED, SILENCE, Step, send, something_is_kept
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -73,16 +73,22 @@ def _carry_out() -> None:
 
 
 def _stopped() -> NoReturn:
-    """End with what is said where nothing was written."""
-    from robustid.app.cli.main import BEFORE_RESULTS, end
+    """End with what is said where nothing was written: at once, but for an answer that is asked for."""
+    if "--json" in sys.argv[1:]:
+        from robustid.app.cli.main import end
 
-    end(BEFORE_RESULTS, INTERRUPTED, "stopped")
+        end(BEFORE_RESULTS, INTERRUPTED, "stopped")
+    sys.stdout.flush()
+    os.write(2, f"{BEFORE_RESULTS}\n".encode())
+    os._exit(INTERRUPTED)
 
 
 def _interrupt(_: int, frame: FrameType | None) -> None:
     """Raise Ctrl-C, but in an import: broken off, it leaves half a module, or ends as an error of another kind."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
+            if Step.text == Step.usual and not something_is_kept():  # no step has begun
+                send({"end": True})
             _again()
             return
         frame = frame.f_back
@@ -162,6 +168,8 @@ class _Watch:
         got = os.read(self._of_steps, 1 << 16)
         *lines, self._rest = (self._rest + got).split(b"\n")
         for message in map(json.loads, lines):
+            if message.get("end"):
+                self._end()
             if message.get("heard"):
                 self._heard, self._step["kept"] = True, message["kept"]
                 continue
