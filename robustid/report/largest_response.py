@@ -1,4 +1,4 @@
-"""Where the response is largest, of what is measured and bounded, and the error there."""
+"""The largest response, of what is measured and bounded: its frequency, and the error there."""
 
 from __future__ import annotations
 

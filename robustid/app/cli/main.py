@@ -53,7 +53,6 @@ _HEADINGS: dict[str, str] = {
 MISUSE, UNSOLVED, BUG = 2, 1, 70
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
-_LASTING = ("explore", "serve")  # until they are ended
 _EARLY = "interrupted: what was found by then is written"
 
 
@@ -82,7 +81,7 @@ class Commands(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         if name is None or command is None:
             return name, command, rest
-        if name not in _LASTING:
+        if name != "serve":  # which speaks to another program until it is ended
             Step.usual, Step.stderr = f"robustid {name}", "--json" in rest
             tell("", shown=False)
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")

@@ -28,6 +28,9 @@ _NOT_YET = "Ctrl-C: ending{}; Ctrl-C again ends at once"
 _KEPT = ", with what was found so far"
 _HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
 _SHORTLY = 0.01
+_IMPORTING = {
+    f"{name}{outside}" for name in ("importlib._bootstrap", "_frozen_importlib") for outside in ("", "_external")
+}
 _CLEAR = "\r\x1b[K"
 
 
@@ -86,7 +89,7 @@ def _stopped() -> NoReturn:
 def _interrupt(_: int, frame: FrameType | None) -> None:
     """Raise Ctrl-C, but in an import: broken off, it leaves half a module, or ends as an error of another kind."""
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+        if frame.f_globals.get("__name__") in _IMPORTING:
             if Step.text == Step.usual and not something_is_kept():  # no step has begun
                 send({"end": True})
             _again()
