@@ -27,6 +27,7 @@ _AT_MOST = 2.0  # seconds, where it gets no processor
 _NOT_YET = "Ctrl-C: ending{}; Ctrl-C again ends at once"
 _KEPT = ", with what was found so far"
 _HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
+_IN_A_STEP = 0.15  # the same in an import, which seldom takes longer; before the first step there is nothing to wait for
 _SHORTLY = 0.01
 _IMPORTING = {
     f"{name}{outside}" for name in ("importlib._bootstrap", "_frozen_importlib") for outside in ("", "_external")
@@ -90,8 +91,8 @@ def _interrupt(_: int, frame: FrameType | None) -> None:
     """Raise Ctrl-C, but in an import: broken off, it leaves half a module, or ends as an error of another kind."""
     while frame is not None:
         if frame.f_globals.get("__name__") in _IMPORTING:
-            if Step.text == Step.usual and not something_is_kept():  # no step has begun
-                send({"end": True})
+            if not something_is_kept():
+                send({"patience": 0.0 if Step.text == Step.usual else _IN_A_STEP})
             _again()
             return
         frame = frame.f_back
@@ -130,7 +131,7 @@ class _Watch:
         self._step: Record = {"text": "", "kept": False, "stderr": False}
         self._began = self._shown = time.monotonic()
         self._asked: float | None = None  # when Ctrl-C came that nobody has been told of yet
-        self._spent = 0.0  # processor time then
+        self._spent, self._patience = 0.0, _PATIENCE  # processor time then; seconds in which it has to answer
         self._heard = False
         self._signals, wake = os.pipe()
         os.set_blocking(wake, False)
@@ -171,8 +172,9 @@ class _Watch:
         got = os.read(self._of_steps, 1 << 16)
         *lines, self._rest = (self._rest + got).split(b"\n")
         for message in map(json.loads, lines):
-            if message.get("end"):
-                self._end()
+            if "patience" in message:
+                self._patience = message["patience"]
+                continue
             if message.get("heard"):
                 self._heard, self._step["kept"] = True, message["kept"]
                 continue
@@ -193,11 +195,11 @@ class _Watch:
     def _look(self) -> None:
         """Say that a step goes on; end a command that doesn't hear Ctrl-C and has nothing to keep."""
         now = time.monotonic()
-        if self._asked is not None and (passed := now - self._asked) > _PATIENCE:
+        if self._asked is not None and (passed := now - self._asked) > self._patience:
             if self._heard or self._step["kept"]:
                 self._asked = None
                 self._say(_NOT_YET.format(_KEPT * self._step["kept"]), "\n", to=2)
-            elif passed > _AT_MOST or self._processor() - self._spent > _PATIENCE:
+            elif passed > _AT_MOST or self._processor() - self._spent >= self._patience:
                 self._end()
         if self._step["text"] and now - self._shown > SILENCE:
             self._shown = now
