@@ -44,7 +44,8 @@ def at_largest(identification: Identification, error: WorstCaseError | WorstCase
 def in_measured_band(identification: Identification, omega: Real) -> NDArray[np.bool_]:
     """Frequencies between the lowest and the highest sample of the responses; all of them where samples in time are used too."""
     problem = identification.problem
-    points = np.concatenate([[], *(one.omega[one.bound.used.any(axis=(1, 2))] for one in problem.frequency)])
+    used = [one.omega[one.bound.used.any(axis=(1, 2))] for one in problem.frequency]
+    points = np.concatenate([np.zeros(0), *used])
     if problem.time or not points.size:
         return np.ones(omega.shape, bool)
     return (omega >= points.min() * (1 - _ROUNDING)) & (omega <= points.max() * (1 + _ROUNDING))

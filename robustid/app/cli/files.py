@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -167,7 +167,7 @@ def export(
     screen.say_written(console, output)
 
 
-def _loaded(source: Path) -> object:
+def _loaded(source: Path) -> Any:
     """Load a file that says itself what it holds."""
     from robustid.app.load_save import load
 
