@@ -27,7 +27,9 @@ _AT_MOST = 2.0  # seconds, where it gets no processor
 _NOT_YET = "Ctrl-C: ending{}; Ctrl-C again ends at once"
 _KEPT = ", with what was found so far"
 _HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
-_IN_A_STEP = 0.15  # the same in an import, which seldom takes longer; before the first step there is nothing to wait for
+_IN_A_STEP = (
+    0.15  # the same in an import, which seldom takes longer; before the first step there is nothing to wait for
+)
 _SHORTLY = 0.01
 _IMPORTING = {
     f"{name}{outside}" for name in ("importlib._bootstrap", "_frozen_importlib") for outside in ("", "_external")
@@ -172,8 +174,8 @@ class _Watch:
         got = os.read(self._of_steps, 1 << 16)
         *lines, self._rest = (self._rest + got).split(b"\n")
         for message in map(json.loads, lines):
-            if "patience" in message:
-                self._patience = message["patience"]
+            if (patience := message.get("patience")) is not None:
+                self._patience = patience
                 continue
             if message.get("heard"):
                 self._heard, self._step["kept"] = True, message["kept"]
