@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from robustid.app.look import Look
+from robustid.app.run.reading import RUN_FILE, in_run_file
 from robustid.app.run.toml import is_array, is_table
 from robustid.data import FaultKind
 
@@ -96,8 +97,8 @@ def _source(one: Look, folder: Path, arguments: Mapping[str, object]) -> _Source
     if one.correction:
         checks.append(f"# correct = [{json.dumps(one.correction)}]  # undoes what looks odd; without the # it is done")
         lines.append(checks[-1])
-    if one.found is None:
-        checks.append(f"# Check these lines: {' '.join(one.refusal.split())}")
+    if one.error is not None:
+        checks.append(f"# Check these lines: {' '.join(one.error.said(RUN_FILE, in_run_file).split())}")
         lines.append(checks[-1])
     bounded = getattr(one.found, "bound", None) is not None
     if response and not bounded:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from robustid.app.load_save import load
-from robustid.app.run.reading import option_words, values_of_options
+from robustid.app.run.reading import in_options, option_words, values_of_options
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, with_option
 from robustid.core import Frozen, Options, Real, Record, hz_words
@@ -59,8 +59,8 @@ class Look(Frozen):
     rows : tuple of (address, shape, range or text)
     faults : tuple of Fault
         What is odd.
-    refusal, argument : str
-        Then why; and the argument of `load` that is wrong or missing, where it is a single one.
+    error : RobustIdError or None
+        Then why.
     arguments : dict
         Arguments of `load` to try, as the refusal names them.
     bound : str
@@ -82,8 +82,7 @@ class Look(Frozen):
     rows: tuple[tuple[str, str, str], ...]
     faults: tuple[Fault, ...]
     found: object = None
-    refusal: str = ""
-    argument: str | None = None
+    error: RobustIdError | None = None
     arguments: Options = dataclasses.field(default_factory=Record)
     bound: str = ""
     unknown: tuple[str, ...] = ()
@@ -102,6 +101,30 @@ class Look(Frozen):
         if self.found is None:
             return ""
         return self.found.words() if isinstance(self.found, StoredModel) else repr(self.found)
+
+    @property
+    def refusal(self) -> str:
+        """Why it can't be read yet; "" where it can."""
+        return "" if self.error is None else str(self.error)
+
+    @property
+    def argument(self) -> str | None:
+        """The argument of `load` that is wrong or missing, where it is a single one."""
+        return None if self.error is None else self.error.argument
+
+    @property
+    def asked_kind(self) -> str:
+        """The kind by whose options it is to be told more."""
+        return self.kind or ("frequency" if self.argument == "frequency_unit" else "time")
+
+    def for_terminal(self) -> Look:
+        """Return the same with options of commands for the arguments of Python in what it says."""
+        if self.error is None:
+            return self
+        options = option_words(self.asked_kind)
+        spoken = self.error.reworded(options, lambda remedy: in_options(remedy, self.asked_kind))
+        spoken.argument = self.argument
+        return dataclasses.replace(self, error=spoken)
 
     @property
     def next(self) -> tuple[str, ...]:
@@ -246,8 +269,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
             "records": tuple(apart),
             "joined": joined,
             "kind": kind,
-            "refusal": str(error),
-            "argument": error.argument,
+            "error": error,
         }
         return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), **told)
     several: Sequence[object] = data if is_array(data) else [data]

@@ -163,7 +163,7 @@ def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) ->
     except FileNotFoundError as error:
         if pathlib.Path(path).is_dir():
             raise FileFormatError(f"{path} is a folder without a saved result") from None
-        raise FileFormatError(f"{error.filename} is missing; saved {words} is a .npz and a .json file") from None
+        raise FileFormatError(f"{error.filename} is missing; a saved {words} is a .npz and a .json file") from None
     except (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError, zipfile.BadZipFile) as error:
         raise FileFormatError(f"{text} and {numbers.name} are not a saved {words} ({error})") from None
     if not intact:
@@ -234,9 +234,11 @@ def paths(path: PathLike) -> tuple[pathlib.Path, pathlib.Path]:
     """The .npz and the .json file of a saved result."""
     as_kind("path", path, (str, os.PathLike), "the name of a file")
     base = pathlib.Path(path)
+    if base.name in ("", ".."):  # a folder without its name
+        base = base.resolve()
     if base.suffix in (".npz", ".json"):
         base = base.with_suffix("")
-    return base.with_name(base.name + ".npz"), base.with_name(base.name + ".json")
+    return base.parent / f"{base.name}.npz", base.parent / f"{base.name}.json"
 
 
 def read_arrays(path: PathLike) -> Arrays:

@@ -36,6 +36,10 @@ def example(table: Table, *, dt: bool) -> list[str | Remedy]:
     columns = list(_columns(table))
     if not columns:
         return []
+    if len(columns) == 1 and _kind(columns[0][0]) == "time":
+        others = _beside(table.path)[2]
+        fields = {"time": columns[0][0], "u": others, "y": others}
+        return ["As the time of a record with its signals in another file: ", Remedy({"fields": fields}), "."]
     lengths = [len(values) for _, values in columns]
     length = max(set(lengths), key=lambda count: (lengths.count(count), count))
     columns = [(address, values) for address, values in columns if len(values) == length]

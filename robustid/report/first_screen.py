@@ -16,8 +16,9 @@ from robustid.report.charts import Chart, first_panel
 from robustid.report.data_faults import steps_with_faults
 from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
-from robustid.report.guarantee import at_largest, guarantee_sentence, worst_case_charts, worst_case_sigma_chart
+from robustid.report.guarantee import guarantee_sentence, worst_case_charts, worst_case_sigma_chart
 from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, scope, siso
+from robustid.report.largest_response import at_largest
 from robustid.report.loop_section import loop_glance
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on

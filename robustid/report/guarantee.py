@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from robustid.core import Real, exponents_of
-from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
+from robustid.core import Real
+from robustid.guarantees import WorstCaseError
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import (
@@ -43,13 +41,8 @@ from robustid.report.magnitude_phase import band_around, behind, error_panel
 from robustid.report.value_sets import nyquist_chart
 from robustid.report.words import HZ, at_frequencies, at_hz, at_least, at_most, in_hz, number
 
-if TYPE_CHECKING:
-    import control
-
 _ROWS = 8  # worst frequencies
 _TINY = np.finfo(float).tiny
-_LIGHT = 0.5  # damping ratio, below which a mode has a resonance
-_PEAK = 1.1  # times the smallest response to either side
 
 
 def guarantee_section(identification: Identification, error: WorstCaseError, holds: bool | None = None) -> list[Block]:
@@ -108,37 +101,6 @@ def guarantee_sentence(error: WorstCaseError) -> str:
         f" {in_unit(at_most(upper.max()), error.identification)} of the {model}{norm},"
         f" {at_frequencies(omega)}.{worst} {'the' if worst else 'The'} median is {error.relative.words}."
     )
-
-
-def at_largest(identification: Identification, error: WorstCaseError | WorstCaseOverPoles | Band) -> tuple[str, float]:
-    """Say where the response is largest among the frequencies that are bounded, and the error there as a share of it."""
-    size, upper = model_size(error), error.sigma_upper
-    known = np.flatnonzero(error.bounded if isinstance(error, Band) else np.isfinite(upper))
-    place = int(known[np.argmax(size[known])])
-    model = identification.model if error.model is None else error.model
-    beside = "" if known.size == size.size else " that is bounded"
-    where = f"at the largest response{beside}, {in_hz(error.omega[place] / HZ, 4)}"
-    if error.omega[place] == 0:
-        where = "at 0 Hz: the static gain"
-    elif is_resonance(model, error.omega[known], size[known]):
-        where = f"at the resonance, {in_hz(error.omega[place] / HZ, 4)}"
-    return where, float(upper[place] / max(size[place], _TINY))
-
-
-def is_resonance(model: control.StateSpace, omega: Real, size: Real) -> bool:
-    """Return whether the largest of the sizes at `omega` [rad/s] is a peak, of a light mode of the model between its neighbours.
-
-    A peak is 10 % above the smallest size to either side: a mode of damping 0.5 alone stands 15 % above its static gain.
-    """
-    place = int(np.argmax(size))
-    if not 0 < place < size.size - 1 or size[place] <= _PEAK * max(size[:place].min(), size[place + 1 :].min()):
-        return False
-    poles = model.poles()
-    s = exponents_of(poles[(poles.imag > 0) & (poles != 0)], model.dt or None)
-    damping, natural = -s.real / np.abs(s), np.abs(s)
-    reach = 1 + np.clip(damping, 0.0, 1.0)[:, None] * [-1.0, 1.0]
-    low, high = (natural[:, None] * reach).T
-    return bool(np.any((damping < _LIGHT) & (low <= omega[place + 1]) & (high >= omega[place - 1])))
 
 
 def guarantee_rows(error: WorstCaseError) -> list[tuple[str, str]]:

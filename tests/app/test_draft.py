@@ -105,3 +105,14 @@ def test_what_is_no_reference_is_left_alone(tmp_path, other):
     found = rid.look(tmp_path / "record.csv")
     assert found.data.reference is None
     assert "[loop]" not in drafted_run_file([found], tmp_path).text
+
+
+@pytest.mark.parametrize("arrays", [{"time": MS / 1e3}, {"time": MS / 1e3, "current": U}])
+def test_what_is_missing_is_said_in_words_of_its_surroundings(tmp_path, arrays):
+    write(tmp_path / "part.csv", arrays)
+    found = rid.look(tmp_path / "part.csv")
+    assert "by `fields={'u': ...}`" in found.refusal
+    assert "by --time-field u=NAME." in found.for_terminal().refusal
+    (edit,) = drafted_run_file([found], tmp_path).edits  # the times say the sample time
+    assert 'by fields = { u = "NAME" }.' in edit
+    assert found.arguments["fields"]["time"] == "time"

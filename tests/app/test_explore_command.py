@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.explore.views import View
+from robustid.app.explore.views import View, views
+from robustid.core import Interruptible
 from robustid.errors import InputError
 from support.explored import run_file, served, session, until
 
@@ -136,6 +137,11 @@ def test_the_command_says_the_address_and_ends_with_ctrl_c(tmp_path, run, monkey
     def interrupted(_):
         raise KeyboardInterrupt
 
+    def kept_back(*asked):
+        with Interruptible():  # a loop that has something to return
+            raise KeyboardInterrupt
+        return views(*asked)
+
     monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))  # there is no browser
     monkeypatch.setattr("robustid.app.explore.server.Server.serve", interrupted)
     options = ["--frequency-bound", "0.03", "--dt", "0.01"]
@@ -145,6 +151,9 @@ def test_the_command_says_the_address_and_ends_with_ctrl_c(tmp_path, run, monkey
         assert f"the page: {opened[-1]}" in out
         assert "no browser was found: open that address" in out
         assert out.endswith("closed\n")
+    with monkeypatch.context() as kept:
+        kept.setattr("robustid.app.explore.views.views", kept_back)
+        assert run(["explore", "ask.toml"])[0] == 130
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "dash", None)
         code, _, err = run(["explore", "ask.toml"])

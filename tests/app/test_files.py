@@ -17,13 +17,15 @@ def result():
     return rid.identify(random_problem(2, "parametric", 8))
 
 
-def test_the_folder_of_a_run_stands_for_its_result(result, tmp_path):
+def test_the_folder_of_a_run_stands_for_its_result(result, tmp_path, monkeypatch):
     folder = tmp_path / "run"
     folder.mkdir()
     with pytest.raises(InputError, match="is a folder"):
         rid.load(folder)
     result.save(folder / "identification")
-    assert rid.load(folder).margin == result.margin
+    monkeypatch.chdir(folder)
+    for name in (folder, ".", "../run"):
+        assert rid.load(name).margin == result.margin
     other = rid.identify(random_problem(2, "parametric", 6))
     other.save(folder)  # run.npz and run.json, beside the folder: files go first
     assert rid.load(folder).margin == other.margin != result.margin
@@ -121,7 +123,7 @@ def test_a_result_without_its_text_is_still_known_as_one(result, tmp_path):
             rid.load(tmp_path / name)
     (tmp_path / "result.json").unlink()
     with pytest.raises(
-        rid.errors.FileFormatError, match=r"result\.json is missing; saved result is a \.npz and a \.json file"
+        rid.errors.FileFormatError, match=r"result\.json is missing; a saved result is a \.npz and a \.json file"
     ):
         rid.load(tmp_path / "result.npz")
 

@@ -1,6 +1,7 @@
 """Ctrl-C ends the program in whatever it is, also in one call of a compiled library; what has something to keep keeps it."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -48,9 +49,33 @@ KEEPS = """
         endless()
 """
 
+HALF = """
+import time
+try:
+    print("begun", flush=True)
+    time.sleep(0.3)
+except KeyboardInterrupt:
+    raise ImportError("half a module")
+print("whole", flush=True)
+"""
+IMPORTING = """
+    with screen.telling(screen.console()) as progress:
+        progress("drawing", 0, 0)
+        import half
+        time.sleep(60)
+"""
+DELETING = """
+    class Deleted:
+        def __del__(self):
+            print("begun", flush=True)
+            time.sleep(60)
+    Deleted()
+    time.sleep(60)
+"""
+
 
 @pytest.fixture
-def program():
+def program(tmp_path):
     """Start a program with this command, as a terminal does: a group of processes of its own."""
     started = []
 
@@ -62,6 +87,7 @@ def program():
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
+            cwd=tmp_path,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
         started.append(begun)
@@ -130,6 +156,21 @@ def test_an_answer_is_written_for_a_call_that_was_ended(program):
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
     assert (code, '"status": "stopped"' in out) == (130, True)
+
+
+@pytest.mark.parametrize(
+    ("command", "before"),
+    [("    import half", ""), (IMPORTING, "whole\n"), (DELETING, "")],
+    ids=["first import", "import", "del"],
+)
+def test_ctrl_c_is_heard_after_an_import_and_where_nothing_can_be_raised(program, tmp_path, command, before):
+    (tmp_path / "half.py").write_text(HALF)
+    running = program(command)
+    until(running, "begun")
+    os.killpg(running.pid, signal.SIGINT)
+    code, out = ended(running)
+    said = "".join(line for line in out.splitlines(keepends=True) if not re.search("Ctrl-C again|so far", line))
+    assert (code, said) == (130, f"{before}interrupted before the results were written\n")
 
 
 def test_ctrl_c_before_the_command_s_first_line_ends_as_in_it(program):

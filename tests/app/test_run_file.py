@@ -185,7 +185,7 @@ def test_frequencies_beyond_the_sample_time_are_refused_first(folder, monkeypatc
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"[modes\n", "is not TOML: .*line 1"), (b"\xff\xfe", "no text in UTF-8"), (None, "can't be read: No such file")],
+    [(b"[modes\n", "is not TOML: .*line 1"), (b"\xff\xfe", "no text in UTF-8"), (None, "there is no such file")],
 )
 def test_a_file_that_is_no_run_file(folder, run, content, words):
     if content is not None:

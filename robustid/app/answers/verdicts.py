@@ -85,7 +85,7 @@ def looked(found: Sequence[Look], exit_code: int) -> Answer:
 
 def _open_question(found: Look) -> Record:
     """The refusal of a file as `identify` would have it: its arguments by their options."""
-    kind = found.kind or ("frequency" if found.argument == "frequency_unit" else "time")
+    kind = found.asked_kind
     argument = found.argument or next(iter(found.unknown), None)
     asked = None if argument is None else option_words(kind).get(argument, argument)
     return refusal(asked, None, values_of_options(Remedy(found.arguments), kind))

@@ -14,6 +14,7 @@ from robustid.app.cli.command_options import Static, Verbose, only, words_of
 from robustid.app.cli.experiment import frf
 from robustid.app.cli.identify import conclude, work_on
 from robustid.app.cli.screen import Next, in_words, say, shown, telling, told
+from robustid.app.cli.steps import Step, tell
 from robustid.app.run.settings import FrequencyPoints, General
 from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError
@@ -61,7 +62,7 @@ def explore(
     from robustid.app.explore.server import serve
     from robustid.app.explore.views import views
     from robustid.app.run.reading import Tables
-    from robustid.core import saved_kind
+    from robustid.core import pass_on, saved_kind, was_interrupted
 
     console, stated = screen.console(), _Stated(responses, records, estimate, points, general)
     files = file or []
@@ -69,6 +70,7 @@ def explore(
         with in_words({"port": "--port"}):
             with telling(console) as progress:
                 tuning = _tuned(files[0], stated, progress)
+            pass_on(was_interrupted())  # a loop has kept Ctrl-C back: nobody waits for a page
             serve(tuning, f"Tuning of {files[0].name}", port, lambda address: _opened(console, address, browser))
         say(console, "closed")
         return
@@ -78,6 +80,7 @@ def explore(
         with shown(console, "choosing what is not stated") as show:
             every = views(run, folder, told(show), tables)
             session = every[0].open(told(show))
+        pass_on(was_interrupted())
         serve(session, title, port, lambda address: _opened(console, address, browser), every)
     say(console, "closed")
 
@@ -176,6 +179,8 @@ def _opened(console: Terminal, address: str, browser: bool) -> None:
     if browser and not webbrowser.open(address):
         say(console, "no browser was found: open that address in one on this machine")
     say(console, "Ctrl-C ends it")
+    Step.usual = ""
+    tell("", shown=False)  # from here on it is silent
 
 
 def _measurements(console: Terminal, folder: Path, seed: int = 0) -> SimulatedExperiment:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Verbose
 from robustid.app.cli.screen import Next, say
-from robustid.errors import InputError
+from robustid.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
     from robustid.app.cli.terminal import Terminal
@@ -33,7 +34,7 @@ def look(
     from robustid.app.look import look as looked
 
     console = screen.console(stderr=as_json, verbose=verbose)
-    found = [looked(path) for path in files]
+    found = [looked(path).for_terminal() for path in files]
     if verbose:
         say(console, *(one.summary() for one in found))
     else:
@@ -141,7 +142,7 @@ def export(
     [bold]Example[/bold]: robustid export small.mat -o filter.h
     [bold]Example[/bold]: robustid export controller.npz -o controller.c
     """
-    from robustid.app.load_save import load, save
+    from robustid.app.load_save import save
 
     ending = output.suffix.lower()
     if controller and ending not in (".c", ".h"):
@@ -149,7 +150,7 @@ def export(
     outputs = [output, output.with_suffix(".h")] if ending == ".c" else [output]
     written_files.check_outputs(outputs, written_files.sources(source), force)
     console = screen.console()
-    thing = load(source)
+    thing = _loaded(source)
     if controller or ending == ".c":
         from robustid.app.exports import write_controller_c
 
@@ -164,3 +165,16 @@ def export(
         thing = thing.model
     save(output, thing)
     screen.say_written(console, output)
+
+
+def _loaded(source: Path) -> Any:
+    """Load a file that says itself what it holds."""
+    from robustid.app.load_save import load
+
+    try:
+        return load(source)
+    except (InputError, InputTypeError) as error:
+        if error.remedy or error.argument in ("fields", "frequency_unit", "axes"):
+            line = f"robustid look {shlex.quote(str(source))}"
+            raise InputError(f"{source} can't be read as it is: {line} says what is missing") from None
+        raise

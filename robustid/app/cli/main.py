@@ -17,7 +17,7 @@ from robustid.app.cli import screen
 from robustid.app.cli.command_options import FLAGS, EndedEarly, opened
 from robustid.app.cli.help_page import Explained, parameters, show_help
 from robustid.app.cli.screen import console
-from robustid.app.cli.steps import INTERRUPTED, Step, tell
+from robustid.app.cli.steps import BEFORE_RESULTS, INTERRUPTED, Step, tell
 from robustid.errors import RobustIdError, SolverError
 from robustid.spellings import command_meant
 
@@ -53,8 +53,6 @@ _HEADINGS: dict[str, str] = {
 MISUSE, UNSOLVED, BUG = 2, 1, 70
 # Arguments of the library that have an option of another name, or of the same.
 _OPTIONS = {**FLAGS, "unstable": "--keep-unstable", "order": "--order", "tol": "--tol"}
-_LASTING = ("explore", "serve")  # until they are ended
-BEFORE_RESULTS = "interrupted before the results were written"
 _EARLY = "interrupted: what was found by then is written"
 
 
@@ -83,7 +81,7 @@ class Commands(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         if name is None or command is None:
             return name, command, rest
-        if name not in _LASTING:
+        if name != "serve":  # which speaks to another program until it is ended
             Step.usual, Step.stderr = f"robustid {name}", "--json" in rest
             tell("", shown=False)
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
@@ -167,9 +165,18 @@ def main() -> None:
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         end(place + (error.strerror or str(error)), MISUSE, "refused", "error: ")
-    except Exception:
+    except Exception as error:
+        if _of_ctrl_c(error):
+            end(BEFORE_RESULTS, INTERRUPTED, "stopped")
         # Not caught to hide it: the user is to know whose fault it is, and scripts to tell it from a finding.
         end(traceback.format_exc(), BUG, "broken", "internal error, please report:\n")
+
+
+def _of_ctrl_c(error: BaseException | None) -> bool:
+    """Return whether a library has made this error of a Ctrl-C."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def end(sentence: str, code: int, status: str, head: str = "", error: RobustIdError | None = None) -> NoReturn:

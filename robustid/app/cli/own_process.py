@@ -13,17 +13,27 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from robustid.app.cli.steps import INTERRUPTED, SILENCE, Step, send
+from robustid.app.cli.steps import BEFORE_RESULTS, INTERRUPTED, SILENCE, Step, send, something_is_kept
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from robustid.core import Record
 
 _PATIENCE = (
     0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
 )
 _AT_MOST = 2.0  # seconds, where it gets no processor
-_NOT_YET = "Ctrl-C: ending, with what was found so far; Ctrl-C again ends at once"
+_NOT_YET = "Ctrl-C: ending{}; Ctrl-C again ends at once"
+_KEPT = ", with what was found so far"
 _HEARD = signal.SIGUSR1 if hasattr(signal, "SIGUSR1") else signal.SIGINT
+_IN_A_STEP = (
+    0.15  # the same in an import, which seldom takes longer; before the first step there is nothing to wait for
+)
+_SHORTLY = 0.01
+_IMPORTING = {
+    f"{name}{outside}" for name in ("importlib._bootstrap", "_frozen_importlib") for outside in ("", "_external")
+}
 _CLEAR = "\r\x1b[K"
 
 
@@ -46,7 +56,9 @@ def start() -> None:
     os.set_blocking(steps, False)
     Step.to = steps
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the process that watches passes it on, once
-    signal.signal(_HEARD, _interrupt)
+    for number in (_HEARD, signal.SIGALRM):
+        signal.signal(number, _interrupt)
+    sys.unraisablehook = _unraisable
     signal.pthread_sigmask(signal.SIG_SETMASK, before)
     threading.Thread(target=_end_with, args=(life,), daemon=True).start()
     try:
@@ -67,15 +79,40 @@ def _carry_out() -> None:
 
 
 def _stopped() -> NoReturn:
-    """End with what is said where nothing was written."""
-    from robustid.app.cli.main import BEFORE_RESULTS, end
+    """End with what is said where nothing was written: at once, but for an answer that is asked for."""
+    if "--json" in sys.argv[1:]:
+        from robustid.app.cli.main import end
 
-    end(BEFORE_RESULTS, INTERRUPTED, "stopped")
+        end(BEFORE_RESULTS, INTERRUPTED, "stopped")
+    sys.stdout.flush()
+    os.write(2, f"{BEFORE_RESULTS}\n".encode())
+    os._exit(INTERRUPTED)
 
 
-def _interrupt(*_: object) -> None:
-    send({"heard": True})
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    """Raise Ctrl-C, but in an import: broken off, it leaves half a module, or ends as an error of another kind."""
+    while frame is not None:
+        if frame.f_globals.get("__name__") in _IMPORTING:
+            if not something_is_kept():
+                send({"patience": 0.0 if Step.text == Step.usual else _IN_A_STEP})
+            _again()
+            return
+        frame = frame.f_back
+    send({"heard": True, "kept": something_is_kept()})
     raise KeyboardInterrupt
+
+
+def _again() -> None:
+    """Hear Ctrl-C once more, shortly; the process that watches ends what doesn't hear it until then."""
+    signal.setitimer(signal.ITIMER_REAL, _SHORTLY)
+
+
+def _unraisable(what: sys.UnraisableHookArgs) -> None:
+    """Hear a Ctrl-C again that came where nothing can be raised, as in the end of an object."""
+    if isinstance(what.exc_value, KeyboardInterrupt):
+        _again()
+    else:
+        sys.__unraisablehook__(what)
 
 
 def _taken(*_: object) -> None:
@@ -96,7 +133,7 @@ class _Watch:
         self._step: Record = {"text": "", "kept": False, "stderr": False}
         self._began = self._shown = time.monotonic()
         self._asked: float | None = None  # when Ctrl-C came that nobody has been told of yet
-        self._spent = 0.0  # processor time then
+        self._spent, self._patience = 0.0, _PATIENCE  # processor time then; seconds in which it has to answer
         self._heard = False
         self._signals, wake = os.pipe()
         os.set_blocking(wake, False)
@@ -137,8 +174,11 @@ class _Watch:
         got = os.read(self._of_steps, 1 << 16)
         *lines, self._rest = (self._rest + got).split(b"\n")
         for message in map(json.loads, lines):
+            if (patience := message.get("patience")) is not None:
+                self._patience = patience
+                continue
             if message.get("heard"):
-                self._heard = True
+                self._heard, self._step["kept"] = True, message["kept"]
                 continue
             if message["text"] != self._step["text"]:
                 self._began = time.monotonic()
@@ -157,11 +197,11 @@ class _Watch:
     def _look(self) -> None:
         """Say that a step goes on; end a command that doesn't hear Ctrl-C and has nothing to keep."""
         now = time.monotonic()
-        if self._asked is not None and (passed := now - self._asked) > _PATIENCE:
+        if self._asked is not None and (passed := now - self._asked) > self._patience:
             if self._heard or self._step["kept"]:
                 self._asked = None
-                self._say(_NOT_YET, "\n", to=2)
-            elif passed > _AT_MOST or self._processor() - self._spent > _PATIENCE:
+                self._say(_NOT_YET.format(_KEPT * self._step["kept"]), "\n", to=2)
+            elif passed > _AT_MOST or self._processor() - self._spent >= self._patience:
                 self._end()
         if self._step["text"] and now - self._shown > SILENCE:
             self._shown = now

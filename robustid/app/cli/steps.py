@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 
 INTERRUPTED = 130  # exit code
-SILENCE = 2.5  # seconds without a line after which one says that the step goes on
+BEFORE_RESULTS = "interrupted before the results were written"
+SILENCE = 2.0  # seconds without a line after which one says that the step goes on
 _OFTEN = 0.1  # seconds between two messages on one step
 
 
@@ -35,9 +36,14 @@ def tell(text: str, done: int = 0, count: int = 0, *, shown: bool = True) -> Non
     if text != Step.text:
         Step.text, Step.began = text, now
     if Step.to is not None:
-        progress = sys.modules.get("robustid.core.progress")  # nothing is kept before it is there
-        kept = progress is not None and progress.something_is_kept()
+        kept = something_is_kept()
         send({"text": text, "done": done, "count": count, "shown": shown, "stderr": Step.stderr, "kept": kept})
+
+
+def something_is_kept() -> bool:
+    """Return whether a Ctrl-C now would be kept back by a loop that has something to return."""
+    progress = sys.modules.get("robustid.core.progress")  # nothing is kept before it is there
+    return progress is not None and progress.something_is_kept()
 
 
 def seconds() -> int:

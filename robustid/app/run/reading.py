@@ -22,7 +22,12 @@ Data = FrequencyResponse | TimeRecord
 D = TypeVar("D", FrequencyResponse, TimeRecord)
 _KEYS = {"frequency_unit": "unit"}
 _KEPT, _BYTES = 4, 2**27  # tables that a process keeps, and the size of all of them
-RUN_FILE = {name: f"{name} = ..." for name in ("bound", "averages")}
+RUN_FILE = {  # keys for the arguments of `load` and `default_bound` as sentences have them
+    **{name: f"{name} = ..." for name in ("bound", "averages")},
+    **{f"fields={{{role!r}: ...}}": f'fields = {{ {role} = "NAME" }}' for role in NAMES},
+    "fields": 'fields = { ROLE = "NAME" }',
+    "frequency_unit": "unit",
+}
 
 
 class _Last:

@@ -30,6 +30,8 @@ def read_toml(path: Path) -> dict[str, object]:
 
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        raise FileFormatError(f"{path}: there is no such file; check the name and the folder") from None
     except OSError as error:
         raise FileFormatError(f"{path} can't be read: {error.strerror}") from None
     except UnicodeDecodeError:
