@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from robustid.app.cli.steps import BEFORE_RESULTS, INTERRUPTED, SILENCE, Step, send, something_is_kept
+from robustid.app.cli.steps import BEFORE_RESULTS, INTERRUPTED, SILENCE, Step, send, something_is_kept, tell
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -70,6 +70,9 @@ def start() -> None:
             sys.stdout.flush()
             os._exit(INTERRUPTED)
         raise
+    finally:  # what follows is no step: results have been said
+        Step.usual = ""
+        tell("")
 
 
 def _carry_out() -> None:
