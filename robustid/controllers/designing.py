@@ -28,6 +28,8 @@ _FINE = 1.005  # of the goal: two levels that are as good as equal
 _STEPS = 10  # levels over the axis that are tried from above
 _SPARE = 0.995  # of every limit: what the proof on arcs takes
 _BETWEEN = 8  # parts of the way from one frequency to the next that are looked at before a proof
+_CLOSE = 0.02  # left to a limit between frequencies: where there is less, every arc of the band is looked at
+_ON_ARCS = np.array([1e-6, 0.5, 1 - 1e-6])  # parts of an arc: the bounds are the same on all of it
 _LOWER = (1.0, 0.998, 0.995, 0.99, 0.97)  # of a level that failed its proof
 _PART = 0.25  # of the corner of a loop that is wanted, up to which it has a second integrator
 _BACK = (0.7,)  # of a level that was reached, from which the search begins once more
@@ -144,18 +146,28 @@ class Task:
     def broken(self, found: Found) -> list[float]:
         """Frequencies between those asked about at which a controller breaks a limit most, one to each stretch where it does."""
         where: list[float] = []
-        limits, parts = self.asked(found.level), np.arange(1, _BETWEEN) / _BETWEEN
+        parts = np.arange(1, _BETWEEN) / _BETWEEN
         for plants, grid in zip(self.plants, self.grids, strict=True):
             omega: Real = (grid[:-1, None] ** (1 - parts) * grid[1:, None] ** parts).ravel()
-            discs = plants.discs(omega, self.smaller(omega))
-            values = response_at(StateMatrices.of(found.controller), points_of(omega, self.dt))
-            worst = np.zeros(omega.size)
-            for one in conditions_of(limits, discs):
-                np.minimum.at(worst, one.place, one.excess(values))
+            worst = self._left(found, plants, omega)
+            if np.all(worst >= 0):  # closer, as the proof takes the bounds: arc by arc
+                ends = plants.band.circle.edges[np.isfinite(plants.band.circle.edges)]
+                arcs: Real = (ends[:-1, None] * (1 - _ON_ARCS) + ends[1:, None] * _ON_ARCS).ravel()
+                after = np.searchsorted(omega, arcs).clip(1, omega.size - 1)
+                close = np.minimum(worst[after], worst[after - 1]) < _CLOSE
+                omega = arcs[close & (arcs > grid[0]) & (arcs < grid[-1])]
+                worst = self._left(found, plants, omega)
             over = np.flatnonzero(worst < 0)
             stretches = np.split(over, np.flatnonzero(np.diff(over) > 1) + 1)
             where += [float(omega[one[np.argmin(worst[one])]]) for one in stretches if one.size]
         return where
+
+    def _left(self, found: Found, plants: Plants, omega: Real) -> Real:
+        """The least distance to a limit at every frequency, at most 1."""
+        values, worst = response_at(StateMatrices.of(found.controller), points_of(omega, self.dt)), np.ones(omega.size)
+        for one in conditions_of(self.asked(found.level), plants.discs(omega, self.smaller(omega))):
+            np.minimum.at(worst, one.place, one.excess(values))
+        return worst
 
     def go_on(self) -> None:
         """Raise TimeIsOver where it is."""

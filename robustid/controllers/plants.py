@@ -202,7 +202,7 @@ class Plants:
                 found.append(np.where(here, np.maximum(size, 0.0), 0.0))
             return np.stack(found, axis=1)
 
-        share, omega = axis.largest(around, sizes, np.zeros(len(rows)))
+        share, omega = axis.largest(around, sizes, np.zeros(len(rows)), top=max(end for _, _, end, _ in rows))
         found: dict[str, tuple[float, float]] = {}
         for (template, *_), one, where in zip(rows, share.tolist(), omega.tolist(), strict=True):
             if one >= found.get(template.name, (0.0, 0.0))[0]:

@@ -68,9 +68,10 @@ class Program:
         self.groups: list[tuple[Rows, Any]] = []
         self._norms: dict[tuple[int, bytes], tuple[int, float]] = {}
 
-    def not_negative(self, factors: Real, slack: Real, constant: Real) -> None:
-        """``factors x + slack t + constant >= 0``, (N, m), (N,), (N,)."""
-        self.groups.append((Rows(factors[:, None], slack[:, None], constant[:, None]), clarabel.NonnegativeConeT(1)))
+    def not_negative(self, factors: Real, slack: Real, constant: Real, helpers: Sequence[Helper] = ()) -> None:
+        """``factors x + slack t + constant + helpers >= 0``, (N, m), (N,), (N,)."""
+        rows = Rows(factors[:, None], slack[:, None], constant[:, None], helpers)
+        self.groups.append((rows, clarabel.NonnegativeConeT(1)))
 
     def hold(self, ahead: Real, slack: Real, fixed: Real, small: Complex, rest: Complex) -> None:
         """``ahead x + slack t + fixed >= |small x + rest|``, (N, m), (N,), (N,), (N, m), (N,)."""

@@ -162,6 +162,11 @@ def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions)
         program.norm(values, one.a, -unit, one.w, program.norms(one.place, one.q, functions))
         return
     turned = turn.conj().swapaxes(1, 2)
+    if one.a.shape[1:] == (1, 1) and basis.shape[2] > 1:  # one output of several inputs
+        ahead = np.einsum("np,npj,nmjq->nm", turned[:, 0], one.b, basis).real
+        fixed = np.real(turned[:, 0, 0] * one.a[:, 0, 0]) - np.real(turned[:, 0] * one.corners).max(axis=1) - one.w
+        program.not_negative(ahead, -unit, fixed, program.norms(one.place, one.q, functions))
+        return
     if one.a.shape[1:] == (1, 1):
         turned, values = turned[:, 0], basis[:, :, 0, 0]
         if one.outside:  # Re turned q C - w - unit t >= |a + b C|

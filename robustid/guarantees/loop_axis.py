@@ -82,14 +82,16 @@ class BandAxis:
         return np.unique(np.concatenate([edges, self.parted[(self.parted > edges[0]) & (self.parted < edges[-1])]]))
 
     def largest(
-        self, system: StateMatrices, sizes: Sizes, floors: Real, budget: Budget | None = None
+        self, system: StateMatrices, sizes: Sizes, floors: Real, budget: Budget | None = None, top: float = np.inf
     ) -> tuple[Real, Real]:
         """Bounds of sizes that follow from the values of a stable system and the bounds of the band, and frequencies near them.
 
         `sizes`: of pieces and how far the values may be from those in their middles, (N, S). `floors` (S,): smaller ones limit
-        nothing. Where the time is over arcs stay as they are: what is found holds, and is larger than it need be.
+        nothing. Where the time is over arcs stay as they are: what is found holds, and is larger than it need be. `top`: on the
+        cells that begin below this frequency, in rad/s.
         """
         model, lost, angles, image = self.arcs_of(system)
+        angles = angles[: max(2, int(np.searchsorted(self._edges, top)) + 1)]
         reached, count = floors, 0
 
         def coarse(pieces: Pieces) -> NDArray[np.bool_]:

@@ -298,6 +298,22 @@ def test_outputs_that_no_input_moves_are_told_before_the_search(maximise):
         rid.design_controller(rid.band(rid.identify(problem)), Matrix([[PID(), None]]), maximise=maximise)
 
 
+def test_one_output_of_two_inputs():
+    omega, top = np.linspace(0.5, 31.0, 12), np.linspace(0.01, 31.4, 2000)
+
+    def plant(omega):
+        z = np.exp(0.1j * omega)
+        return np.stack([0.1 / (z - 0.9), 0.05 / (z - 0.8)], axis=1)[:, None]
+
+    frf = rid.FrequencyResponse(omega, plant(omega), bound=0.01, dt=0.1)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
+    found = rid.design_controller(rid.band(rid.identify(problem)), Matrix([[PID()], [PID(integral=False)]]))
+    assert found.status.name == "PROVED"
+    L = (plant(top) @ responses(found.controller, top))[:, 0, 0]
+    assert np.abs(1 / (1 + L)).max() <= 2
+    assert np.abs(L[top <= found.level]).min() >= 1
+
+
 def test_matrices_that_are_none_are_refused():
     with pytest.raises(rid.InputError, match="rows of one length"):
         Matrix([[PID()], [PID(), None]])
