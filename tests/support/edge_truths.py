@@ -44,30 +44,31 @@ def all_pass(problem, omega, less):
     return values
 
 
+def passive(kind, seed):
+    """A bounded real problem of one or two ports, and its plant at frequencies."""
+    of_s, problem = passive_edge(seed, "bounded", 1 + (kind == "two ports"))
+    return problem, lambda w: of_s(1j * w)
+
+
 def edge_truths(kind, seed, count):
     """The plant of edge_bands (or a passive one) and others as far from it as the bounds of its samples let them be.
 
     Each of them turns the rest around once more, mostly about a frequency of its own, and its mode is a little larger or smaller.
     """
     rng = np.random.default_rng([seed, 7])
+    box, outputs = None, None
     if kind in KINDS:
         plant = edge_plant(kind, seed)
         box = None if kind in ("free record", "periodic record") else plant.box  # polygons over a box don't take those
-        problem, first, mode, outputs, top = plant.exact, plant.truth, plant.mode, plant.outputs, plant.top
+        problem, top = plant.exact, plant.top
+        first, mode, outputs = plant.truth, plant.mode, plant.outputs
     else:
-        of_s, problem = passive_edge(seed, "bounded", 1 + (kind == "two ports"))
-        box, outputs, top = None, None, 10.0
-
-        def first(w):
-            return of_s(1j * w)
-
-        def mode(w):
-            return np.zeros((np.size(w), *problem.entries.shape))
-
+        problem, first = passive(kind, seed)
+        mode, top = (lambda w: 0.0 * first(w)), 10.0
     points = problem.frequency[0]
     lines, bound = points.omega, points.bound.outer_radius * NEARLY
     low, high = lines.min(), lines.max()
-    start, record = first(lines), problem.time[0] if problem.time else None
+    start = first(lines)
     others = []
     for number in range(count - 1):
         omega = rng.uniform(low, high) if number % 3 else rng.uniform(0.001 * top, top)
@@ -81,22 +82,24 @@ def edge_truths(kind, seed, count):
         for _ in range(STEPS):
             middle = (near + far) / 2
             near, far = (middle, far) if np.all(np.abs(moved(middle)(lines) - start) <= bound) else (near, middle)
-        if record is not None:
-            own = outputs(first)
-            while np.any(np.abs(outputs(moved(near)) - own) > record.bound.radius[:, 0] * NEARLY):
-                near *= LESS
+        while outputs is not None and np.any(np.abs(outputs(moved(near)) - outputs(first)) > room(problem)):
+            near *= LESS
         others.append(moved(near))
     turns = np.exp(2j * np.pi * rng.random(start.shape))
     away = turns * farthest(np.stack([one(lines) - start for one in others]) / turns, bound)
     frf = rid.FrequencyResponse(lines, start + away, bound=points.bound.outer_radius, dt=points.dt)
     problem = dataclasses.replace(problem, frequency=frf)
-    if record is not None:
+    if outputs is not None:
+        own, record = outputs(first), problem.time[0]
         signs = rng.choice([-1.0, 1.0], own.size)
-        away = signs * farthest(
-            np.stack([outputs(one) - own for one in others]) * signs, record.bound.radius[:, 0] * NEARLY
-        )
+        away = signs * farthest(np.stack([outputs(one) - own for one in others]) * signs, room(problem))
         problem = dataclasses.replace(problem, time=dataclasses.replace(record, y=(own + away)[:, None]))
     return EdgeTruths(problem, box, (first, *others), top)
+
+
+def room(problem):
+    """How far the samples of the record may be from those of a plant."""
+    return problem.time[0].bound.radius[:, 0] * NEARLY
 
 
 def farthest(away, bound):

@@ -35,9 +35,7 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Frozen, Plane, Real, freeze
 
 _ROUNDING = 1e-12  # of a distance between poles: a few operations, none of which cancels
-_TERMS = (
-    48  # of the series of a mode, at most: what they leave of a wide box is less than the data tell of its amplitude
-)
+_TERMS = 48  # of the series of a mode, at most: 24 leave more of a wide box than the data tell of its amplitude
 _TERMS_OF_GROUP = 24
 _WIDEST, _FAR_TERMS = 0.9, 6  # distance from which a box counts as reaching the circle, and terms of its series
 _ENDLESS = 600  # terms of a sum to its end: 0.9^600 is below 1e-27
