@@ -9,7 +9,6 @@ import dataclasses
 import json
 import pathlib
 import time
-from typing import Any, NamedTuple
 
 import numpy as np
 from band_problems import FIRST, beam_halves, class_of, motor_halves, one_entry, random_problem
@@ -17,10 +16,11 @@ from band_problems import FIRST, beam_halves, class_of, motor_halves, one_entry,
 import robustid as rid
 from robustid.core import Budget
 from robustid.guarantees.common_nominal import smallest_disc
-from support.edge_bands import KINDS, MATRICES, edge_plant
-from support.passive import passive_edge
+from support.edge_bands import KINDS, MATRICES
+from support.edge_truths import edge_truths
 
-POINTS = 10_000  # values at which a truth is judged, besides those close to solved frequencies
+TRUTHS = 8  # plants that keep the same bounds
+POINTS = 10_000  # values at which every plant is judged, besides those close to solved frequencies
 MANY = ("record of two inputs", *MATRICES, "two ports")
 ONE = (*(kind for kind in KINDS if kind not in MANY), "one port")
 ORDER = ONE + ONE + MANY
@@ -62,25 +62,6 @@ def chords(arguments):
     print(f"all: median {np.median(every):.3f}, largest {max(every):.3f} of {len(every)}")
 
 
-class Truth(NamedTuple):
-    """A plant at the very edge of a class: a problem that it keeps, the box of its poles, itself and its highest frequency."""
-
-    problem: rid.MixedProblem
-    box: Any
-    values: Any  # of frequencies, (F, ny, nu)
-    top: float
-
-
-def truth_of(kind, seed):
-    """One of edge_bands, or a passive one with one or two ports."""
-    if kind in KINDS:
-        plant = edge_plant(kind, seed)
-        box = None if kind in ("free record", "periodic record") else plant.box  # polygons over a box don't take those
-        return Truth(plant.exact, box, plant.truth, plant.top)
-    truth, problem = passive_edge(seed, "bounded", 1 + (kind == "two ports"))
-    return Truth(problem, None, lambda w: truth(1j * w), 10.0)
-
-
 def posed(problem):
     """The identification, and the factor of all bounds at which the solver can tell that the edge is inside."""
     result, factor = rid.identify(problem), 1.0
@@ -94,31 +75,34 @@ def posed(problem):
 
 
 def judged(kind, seed):
-    """One truth between three solved frequencies and beside them: what is written of it."""
+    """Plants at the edge of one class, between three solved frequencies and beside them: what is written of them."""
     start = time.process_time()
-    truth, rng = truth_of(kind, seed), np.random.default_rng([seed, 5])
-    result, factor = posed(truth.problem)
+    edge, rng = edge_truths(kind, seed, TRUTHS), np.random.default_rng([seed, 5])
+    result, factor = posed(edge.problem)
     lines = result.problem.frequency[0].omega
-    plain, between = rid.band(result, box=truth.box, knots=150), np.sort(rng.uniform(lines.min(), lines.max(), 3))
+    plain, between = rid.band(result, box=edge.box, knots=150), np.sort(rng.uniform(lines.min(), lines.max(), 3))
     least = {"omega": between, "directions": 6, "rtol": 0.2}
-    if truth.box is None:
+    if edge.box is None:
         polygons = rid.worst_case_error(result, **least)
     else:
-        delay = delay_of(truth)
-        polygons = rid.guarantee.worst_case_over_poles(result, *truth.box, **least, cells=1, delay=delay)
+        delay = delay_of(edge)
+        polygons = rid.guarantee.worst_case_over_poles(result, *edge.box, **least, cells=1, delay=delay)
     directed = seed % 2 == 0  # certificates of one direction each; of all directions else
     found = plain.between(polygons, Budget() if directed else None)
     low, high = found.range
     count = POINTS // (2 * result.problem.entries.count)
-    omega = np.concatenate([rng.uniform(lines.min(), lines.max(), count), rng.uniform(0, truth.top, count)])
+    omega = np.concatenate([rng.uniform(lines.min(), lines.max(), count), rng.uniform(0, edge.top, count)])
     beside = (between[:, None] + np.linspace(-1, 1, 101) * np.ptp(lines) / 40).ravel()
     omega = np.concatenate([omega, beside[beside > 0]])
     omega = omega[(omega >= low) & (omega <= high)]
     centre, radius = found.at(omega)
-    ratio = np.abs(truth.values(omega) - centre) / radius
+    values = np.stack([one(omega) for one in edge.truths])
+    ratio = np.abs(values - centre) / radius
     return {
-        "kind": kind, "seed": seed, "box": truth.box is not None, "directed": directed, "factor": factor,
-        "values": ratio.size, "outside": int((~(ratio <= 1)).sum()), "largest": float(ratio.max()),
+        "kind": kind, "seed": seed, "box": edge.box is not None, "directed": directed, "factor": factor,
+        "truths": len(edge.truths), "values": ratio.size, "outside": int((~(ratio <= 1)).sum()),
+        "outside_truths": int((~(ratio <= 1)).any(axis=tuple(range(1, ratio.ndim))).sum()), "largest": float(ratio.max()),
+        "apart": float((np.abs(values - values[0]) / radius).max()),
         "gain": float(np.median(radius / plain.at(omega)[1])), "seconds": time.process_time() - start,
     }  # fmt: skip
 
@@ -129,7 +113,7 @@ def edges(arguments):
     if kept.exists():
         every = [json.loads(line) for line in kept.read_text().splitlines()]
     there = {(one["kind"], one["seed"]) for one in every}
-    for number in range(arguments.count):
+    for number in range(-(-arguments.count // TRUTHS)):
         turn, place = divmod(number, len(ORDER))
         kind = ORDER[place]
         seed = turn * ORDER.count(kind) + ORDER[:place].count(kind)
@@ -146,27 +130,30 @@ def edges(arguments):
 def told_edges(every):
     """A line a kind, and of all."""
     print(
-        f"{'kind':<21}{'truths':>7}{'box':>5}{'values':>11}{'outside':>8}{'largest':>9}{'of samples alone':>18}{'CPU s':>7}"
+        f"{'kind':<21}{'truths':>7}{'box':>5}{'values':>11}{'outside':>8}{'largest':>9}{'apart':>7}"
+        f"{'of samples alone':>18}{'CPU s':>7}"
     )
     for kind in (*dict.fromkeys(ORDER), "all"):
         own = [one for one in every if kind in ("all", one["kind"])]
         if own:
             of = {name: np.array([one[name] for one in own]) for name in own[0] if name != "kind"}
+            count = of["truths"]
             print(
-                f"{kind:<21}{len(own):7d}{of['box'].sum():5d}{of['values'].sum():11d}{of['outside'].sum():8d}"
-                f"{of['largest'].max():9.5f}{np.median(of['gain']):18.3f}{np.mean(of['seconds']):7.1f}"
+                f"{kind:<21}{count.sum():7d}{(of['box'] * count).sum():5d}{of['values'].sum():11d}{of['outside'].sum():8d}"
+                f"{of['largest'].max():9.5f}{np.median(of['apart']):7.2f}{np.median(of['gain']):18.3f}"
+                f"{of['seconds'].sum() / count.sum():7.2f}"
             )
     print(
-        f"{sum(one['directed'] for one in every)} with certificates of one direction each, the others with those of all;"
-        f" bounds up to {max(one['factor'] for one in every) - 1:.1e} larger, for the solver"
+        f"{sum(one['truths'] for one in every if one['directed'])} with certificates of one direction each, the others with"
+        f" those of all; bounds up to {max(one['factor'] for one in every) - 1:.1e} larger, for the solver"
     )
 
 
-def delay_of(truth):
+def delay_of(edge):
     """Delay of the pair."""
     from robustid.guarantees.linear.functions import pairs_of
 
-    return max(max(delay for _, delay in pairs_of(truth.problem.parametric).values()), 0)
+    return max(max(delay for _, delay in pairs_of(edge.problem.parametric).values()), 0)
 
 
 def of_lines(halves):

@@ -26,8 +26,9 @@ NEARLY = 1 - 1e-9  # an error at its bound, whatever its rounding
 class EdgePlant:
     """A problem, the box of its poles (None: they are exact), its plant at frequencies in rad/s, and the highest one to look at.
 
-    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x). `exact` is the problem with the poles of the plant
-    itself, with which it is consistent.
+    `residue` (ny, nu) is the c of its mode c/(s - p), or c x^delay/(1 - a x), which `mode` is at frequencies. `exact` is the
+    problem with the poles of the plant itself, with which it is consistent; `outputs` are what a plant does in the record, without
+    noise.
     """
 
     problem: rid.MixedProblem
@@ -36,6 +37,8 @@ class EdgePlant:
     top: float
     residue: Any
     exact: rid.MixedProblem
+    mode: Callable[[Any], Any]
+    outputs: Callable[[Any], Any] | None
 
     def frequencies(self, rng, count):
         return rng.uniform(0.001 * self.top, self.top, count)
@@ -67,26 +70,31 @@ def edge_plant(kind, seed):
     if kind in ("continuous", "roll-off"):
         prior, rest = continuous_class(rng, kind, gain)
         residue = size * -pole.real
-        mode = fraction(lambda s: 1 / (s - pole), residue)
-        truth, dt, top = (lambda w: mode(1j * w) + rest(1j * w)), None, 2 * np.pi * 100
+        of_pole = fraction(lambda s: 1 / (s - pole), residue)
+        at, dt, top = (lambda w: 1j * w), None, 2 * np.pi * 100
         basis, own = (rid.kautz(middle * by, d, dt=0) for by, d in ((1, damping), (corner[0], turn)))
     else:
         prior, rest = discrete_class(rng, kind, gain)
         a = np.exp(pole * DT)
         residue = size * (1 - abs(a))
-        mode = fraction(lambda x: x**delay / (1 - a * x), residue)
-        truth, dt, top = (lambda w: (lambda x: mode(x) + rest(x))(np.exp(-1j * w * DT))), DT, np.pi / DT
+        of_pole = fraction(lambda x: x**delay / (1 - a * x), residue)
+        at, dt, top = (lambda w: np.exp(-1j * w * DT)), DT, np.pi / DT
         basis, own = (rid.kautz(middle * by, d, dt=DT, delay=delay) for by, d in ((1, damping), (corner[0], turn)))
+
+    def truth(omega):
+        return of_pole(at(omega)) + rest(at(omega))
+
     values = truth(lines)
     bound = rng.choice([0.01, 0.03]) * np.abs(values) + 0.01 * gain
     values = values + bound * np.exp(2j * np.pi * rng.random(values.shape)) * NEARLY
+    time, outputs = record(rng, kind, truth, nu, gain) if kind in IN_TIME else (None, None)
     problem = rid.MixedProblem(
         frequency=rid.FrequencyResponse(lines, values, bound=bound, dt=dt),
-        time=record(rng, kind, truth, nu, gain) if kind in IN_TIME else None,
+        time=time,
         prior=prior, parametric=basis, symmetric=kind == "symmetric",
     )  # fmt: skip
     exact = dataclasses.replace(problem, parametric=own) if part else problem
-    return EdgePlant(problem, box if part else None, truth, top, residue, exact)
+    return EdgePlant(problem, box if part else None, truth, top, residue, exact, lambda w: of_pole(at(w)), outputs)
 
 
 @functools.lru_cache(maxsize=32)
@@ -141,16 +149,19 @@ def some_zeros(rng):
 
 
 def record(rng, kind, truth, nu, gain):
-    """Samples with errors of either sign, as large as their bounds."""
+    """Samples with errors of either sign, as large as their bounds, and the function that they are of any plant."""
     past, samples = (200, 20) if kind == "free record" else (0, 32 if kind == "periodic record" else 20)
-    h = np.fft.irfft(truth(2 * np.pi * np.arange(SIZE // 2 + 1) / SIZE / DT)[:, 0], SIZE, axis=0)
     u = rng.uniform(-1, 1, (past + samples, nu)) if past else rng.standard_normal((samples, nu))
-    if kind == "periodic record":  # the sum over all periods before
-        h = h.reshape(-1, samples, nu).sum(axis=0)
-        y = np.fft.irfft((np.fft.rfft(h, axis=0) * np.fft.rfft(u, axis=0)).sum(axis=1), samples)
-    else:
-        y = sum(np.convolve(u[:, j], h[: past + samples, j])[past : past + samples] for j in range(nu))
+
+    def outputs(plant):
+        h = np.fft.irfft(plant(2 * np.pi * np.arange(SIZE // 2 + 1) / SIZE / DT)[:, 0], SIZE, axis=0)
+        if kind == "periodic record":  # the sum over all periods before
+            h = h.reshape(-1, samples, nu).sum(axis=0)
+            return np.fft.irfft((np.fft.rfft(h, axis=0) * np.fft.rfft(u, axis=0)).sum(axis=1), samples)
+        return sum(np.convolve(u[:, j], h[: past + samples, j])[past : past + samples] for j in range(nu))
+
+    y = outputs(truth)
     bound = np.full(samples, 0.02 * np.abs(y).max() + 1e-6 * gain)
     y = y + bound * rng.choice([-1, 1], samples) * NEARLY
     start = {"free record": {"initial": "free", "past_input_bound": 1.0}, "periodic record": {"initial": "periodic"}}
-    return rid.TimeRecord(u[past:], y, dt=DT, bound=bound, **start.get(kind, {}))
+    return rid.TimeRecord(u[past:], y, dt=DT, bound=bound, **start.get(kind, {})), outputs

@@ -35,7 +35,8 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Frozen, Plane, Real, freeze
 
 _ROUNDING = 1e-12  # of a distance between poles: a few operations, none of which cancels
-_TERMS = 24  # of a series, at most
+_TERMS = 48  # of the series of a mode, at most: 24 leave more of a wide box than the data tell of its amplitude
+_TERMS_OF_GROUP = 24
 _WIDEST, _FAR_TERMS = 0.9, 6  # distance from which a box counts as reaching the circle, and terms of its series
 _ENDLESS = 600  # terms of a sum to its end: 0.9^600 is below 1e-27
 _WIDEST_GROUP = 0.7  # of several modes: 24 terms leave 24 T^24, half a percent
@@ -356,7 +357,7 @@ def _series_of_group(points: Complex, m: int, wanted: float) -> tuple[Complex, R
         return None
     every = bounds_of_coefficients(distance, m)
     rest = np.cumsum(every[::-1], axis=0)[::-1]
-    terms = min(max(int(np.argmax(np.all(rest <= wanted, axis=1))), m + 1), _TERMS)
+    terms = min(max(int(np.argmax(np.all(rest <= wanted, axis=1))), m + 1), _TERMS_OF_GROUP)
     return np.full(terms, middle), every[:terms], distance, rest[terms] * (1 + _ROUNDING)
 
 

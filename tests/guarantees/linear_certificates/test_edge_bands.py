@@ -162,3 +162,32 @@ def test_two_modes_of_close_boxes_have_a_band_at_every_frequency(seed):
     assert np.all(np.isfinite(band.amplitudes[0][1]))
     if seed == 0:
         assert band.verify(exact=True)
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(20) if k != 1)])
+def test_a_mode_in_a_box_many_times_as_wide_as_its_lightest_damping_has_a_band(seed):
+    """What noise leaves of a weak mode: damping known to a factor of 15, its frequency to 8 half-widths; poles in the corners."""
+    rng = np.random.default_rng(seed)
+    dt, rho, gain = 0.005, 1.3, 0.01
+    box = 2 * np.pi * np.array([[57.9, 58.66]]), np.array([[0.0008, 0.012]])
+    omega, damping = (ends[0, rng.integers(2)] for ends in box)
+    a = np.exp(dt * omega * (-damping + 1j * np.sqrt(1 - damping**2)))
+    c = 2e-4 * np.exp(2j * np.pi * rng.random())
+
+    def truth(at):
+        x = np.exp(-1j * at * dt)
+        return c / (1 - a * x) + np.conj(c) / (1 - np.conj(a) * x) + gain * (x - 0.6 * rho) / (rho - 0.6 * x)
+
+    lines = 2 * np.pi * np.arange(8, 70, 0.4)
+    bound = np.full(lines.size, 0.004)
+    measured = truth(lines) + bound * np.exp(2j * np.pi * rng.random(lines.size))
+    frf = rid.FrequencyResponse(lines, measured, bound=bound * (1 + 1e-9), dt=dt)
+    middle = box[0].mean(axis=1), np.sqrt(box[1].prod(axis=1))
+    problem = rid.MixedProblem(
+        frequency=frf, prior=rid.Prior(gain_bound=gain, decay_rate=rho), parametric=rid.kautz(*middle, dt=dt, delay=0)
+    )
+    band = rid.band(problem, box=box, omega=[1.0], knots=50)
+    assert np.all(np.isfinite(band.amplitudes[0][1]))
+    at = np.concatenate([rng.uniform(0, np.pi / dt, 200), rng.uniform(0.97 * box[0][0, 0], 1.03 * box[0][0, 1], 200)])
+    centre, radius = (part[:, 0, 0] for part in band.at(at))
+    assert np.all(np.abs(truth(at) - centre) <= radius)
