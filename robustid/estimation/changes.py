@@ -7,6 +7,7 @@ scatter of periods, or around a local model, holds that in part at most.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Real
 
@@ -25,6 +26,14 @@ def added_variance(
     lines, halves of them, quarters, and so on; so many lines as are `shared` say the same, where windows overlap. In a block beyond
     chance the halves scatter about their mean with |D|^2/4.
     """
+    beyond, square = beyond_chance(difference, noise, dof, chance, shared), np.abs(difference) ** 2
+    around = np.arange(len(square))[:, None] + np.arange(-_AROUND, _AROUND + 1)
+    mean = square[np.clip(around, 0, len(square) - 1)].mean(axis=1)
+    return np.where(beyond, np.maximum(square, mean) / 4, 0.0)
+
+
+def beyond_chance(difference: np.ndarray, noise: Real, dof: float, chance: float, shared: float) -> NDArray[np.bool_]:
+    """Places of a difference (F, ...) that its noise does not explain: see `added_variance`."""
     from scipy.special import gammaincc
 
     lines, square = len(difference), np.abs(difference) ** 2
@@ -37,6 +46,4 @@ def added_variance(
         for block in np.array_split(np.arange(lines), 2**level):
             count = max(block.size / shared, 1.0)  # of lines that say something of their own
             beyond[block] |= gammaincc(count, count * seen[block].mean(axis=0)) < limit
-    around = np.arange(lines)[:, None] + np.arange(-_AROUND, _AROUND + 1)
-    mean = square[np.clip(around, 0, lines - 1)].mean(axis=1)
-    return np.where(beyond & known, np.maximum(square, mean) / 4, 0.0)
+    return beyond & known

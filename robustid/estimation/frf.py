@@ -13,9 +13,10 @@ from robustid.core import as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
 from robustid.estimation.estimate import ABOUT, Estimate, bound
-from robustid.estimation.nonperiodic import local, welch
+from robustid.estimation.nonperiodic import local
 from robustid.estimation.periodic import periodic
 from robustid.estimation.record_faults import record_faults
+from robustid.estimation.welch import welch
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
@@ -106,7 +107,9 @@ def estimate_frf(
     on either side, are the `modes` of the response.
 
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
-    ``w (1 - w) |D|^2`` is added to the variance, w the weight of one half in the mean: a plant that warms up. The note says so.
+    ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and
+    halves of the records, are compared: what they have unlike in a window shows that they differ, at a level of 1e-5. Then each
+    half is estimated alone, by its own poles, and the mean square distance of both from the response is added where it is more.
 
     With s^2 the estimated variance, |e|^2/s^2 is F(2, 2 dof) distributed, ``P(|e|^2 > x s^2) = (1 + x/dof)^(-dof)``,
     so that

@@ -1,4 +1,4 @@
-"""Responses of any excitation: the local rational method, and averaged Hann windows for a first look."""
+"""Responses of any excitation: the local rational method."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 from robustid.core import as_array, hz_words
 from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
-from robustid.estimation.changes import CHANGED, added_variance
+from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
 from robustid.estimation.common_poles import predicted
-from robustid.estimation.estimate import Estimate, pooled
+from robustid.estimation.estimate import Estimate
 
-_SEGMENTS = 8  # of Welch's method: of half overlap, per record
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
@@ -22,6 +21,7 @@ _TOLD = (
     0.3  # of the input whose sign turns half-way, that the input itself does not follow: both halves drive the plant
 )
 _SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
+_LATE = ("time", "records")  # what is split in halves
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
 _MOST = 5000  # lines by default
 _TINY = float(np.finfo(float).tiny)
@@ -36,47 +36,35 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     first = records[0]
     samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
     loop = first.reference is not None and first.reference.shape[1] == nu
-    u, y = (np.fft.rfft(np.stack([getattr(r, name) for r in records]), axis=1) / samples for name in ("u", "y"))
-    x, z, excitation = u, y, np.stack([np.asarray(r.reference if loop else r.u) for r in records])
-    if loop:
-        x = np.fft.rfft(excitation, axis=1) / samples
-        z = np.concatenate([y, u], axis=2)
-    unknowns = (_ORDER + 1) * (nu + len(records)) + _ORDER
-    half = -(-((unknowns + _SPARE) / len(records) - 1) // 2)
-    half = int(max(half, _ORDER + 1))
-    last = (samples - 1) // 2  # the highest line that isn't real
+    drives = np.stack([np.asarray(r.reference if loop else r.u) for r in records])
+    answers = np.stack([np.hstack([r.y, r.u]) if loop else r.y for r in records])
+    x, z = _spectra(drives), _spectra(answers)
+    half, last = _half(*drives.shape[::2]), (samples - 1) // 2  # the highest line that isn't real
     if last < 2 * half + 1:
         raise InputError(
             f"`record` has {samples} samples: the local method needs {2 * (2 * half + 1) + 1} for {nu} inputs and"
             f" {len(records)} experiments; measure longer"
         )
     index = excited_lines(x, half, last) if lines is None else checked_lines(lines, last)
-    chunk = max(1, _CHUNK // ((2 * half + 1) * len(records) * unknowns * 2))
-    known = predicted(x, z, samples, index, last)
-    dof = float(len(records) * (2 * half + 1) - unknowns)
+    dof = _spare(*drives.shape[::2])
     free = dof - (_ORDER + 1) * nu  # beside the changes of a window
-    turned = np.fft.rfft(_signs(*excitation.shape[:2])[: None if free >= 1 else 0] * excitation, axis=2) / samples
-
-    def fitted(spectra: np.ndarray, index: np.ndarray) -> list[np.ndarray]:
-        pieces = np.array_split(index, -(-index.size // chunk))
-        parts = [_fit(x, z - spectra, turned, part, half, last) for part in pieces]
-        return [np.concatenate(piece) for piece in zip(*parts, strict=True)]
-
-    values, covariance, residual, change, sure = fitted(known.spectra, index)
-    step = float(np.median(np.diff(index))) if index.size > 1 else 1.0
-    changes = _added(change, sure, free, (2 * half + 1) / step)
-    values = values + known.values
-    unsure = np.zeros(values.shape)
-    if (doubt := known.doubt) is not None and doubt.lines.size:
-        # Modes that may be of the noise are left out: as likely as not, the response is the one with them.
-        others = fitted(doubt.spectra, index[doubt.lines])[0] + doubt.values
-        unsure[doubt.lines] = np.abs(others - values[doubt.lines]) ** 2 / 2
-    of_noise = covariance + known.covariance
-    covariance = of_noise + (changes + stacked(unsure))[:, None, :] * np.eye(changes.shape[1])
+    signs = _signs(*drives.shape[:2])[: None if free >= 1 else 0]
+    found = _fitted(
+        x, z, np.stack([_spectra(sign * drives) for sign in signs]) if len(signs) else signs, index, samples
+    )
+    shared = (2 * half + 1) / (float(np.median(np.diff(index))) if index.size > 1 else 1.0)
+    changes = np.zeros(found.values.shape)
+    for late, change, sure in zip(_LATE, found.change.swapaxes(0, 1), found.sure.swapaxes(0, 1), strict=False):
+        added = added_variance(2 * change, 2 * sure, free, chance=_SURE, shared=shared)
+        if np.any(added):
+            added = np.maximum(added, np.where(sure > 0, _apart(drives, answers, index, found.values, late), 0))
+        changes += added
+    values, of_noise = found.values, found.of_noise
+    covariance = of_noise + stacked(changes + found.unsure)[:, None, :] * np.eye(of_noise.shape[1])
     if loop:
         (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
-    power = np.mean(np.abs(y) ** 2, axis=0)
-    power = _smooth(power, half)[index]
+    y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
+    power = _smooth(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
         index=index,
         step=2 * np.pi / (samples * first.dt),
@@ -84,13 +72,13 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         covariance=covariance,
         dof=dof,
         excitations=len(records) // nu or 1,
-        coherence=np.clip(1 - residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
+        coherence=np.clip(1 - found.residual[:, :ny] / np.where(power > 0, power, 1), 0, 1),
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
         noise=np.sqrt(variances(of_noise, values.shape)),
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
-        modes=() if loop else known.modes,  # the poles of a loop are not those of the plant in it
+        modes=() if loop else found.modes,  # the poles of a loop are not those of the plant in it
     )
 
 
@@ -103,12 +91,77 @@ def _signs(records: int, samples: int) -> np.ndarray:
     return np.stack(signs)[..., None]
 
 
-def _added(change: np.ndarray, variance: np.ndarray, free: float, shared: float) -> np.ndarray:
-    """Variances (f, nz nx) that make up for what halves of the time differ by: see `added_variance`."""
-    added = np.zeros((len(change), *change.shape[2:]))
-    for half, sure in zip(change.swapaxes(0, 1), variance.swapaxes(0, 1), strict=True):
-        added += added_variance(2 * half, 2 * sure, free, chance=_SURE, shared=shared)
-    return stacked(added)
+class _Fitted(NamedTuple):
+    """Responses at lines (f, nz, nx), covariances of their vec from noise alone, and variances of what is left out in doubt."""
+
+    values: np.ndarray
+    of_noise: np.ndarray
+    unsure: np.ndarray
+    residual: np.ndarray  # (f, nz) variances
+    change: np.ndarray  # (f, 2 or 1, nz, nx) halves of the changes from half to half
+    sure: np.ndarray  # their variances, 0 where both halves do not tell
+    modes: tuple[tuple[float, float, float, float], ...]
+
+
+def _fitted(x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray, samples: int) -> _Fitted:
+    """Responses at lines, which need not be whole, by the poles of all lines and windows about what these leave."""
+    half, last = _half(*x.shape[::2]), (samples - 1) // 2
+    known = predicted(x, z, samples, index, last)
+    chunk = max(1, _CHUNK // ((2 * half + 1) * len(x) * _unknowns(*x.shape[::2]) * 2))
+
+    def fitted(spectra: np.ndarray, index: np.ndarray) -> list[np.ndarray]:
+        pieces = np.array_split(index, -(-index.size // chunk))
+        parts = [_fit(x, z - spectra, turned, part, half, last) for part in pieces]
+        return [np.concatenate(piece) for piece in zip(*parts, strict=True)]
+
+    values, covariance, residual, change, sure = fitted(known.spectra, index)
+    values = values + known.values
+    unsure = np.zeros(values.shape)
+    if (doubt := known.doubt) is not None and doubt.lines.size:
+        # Modes that may be of the noise are left out: as likely as not, the response is the one with them.
+        others = fitted(doubt.spectra, index[doubt.lines])[0] + doubt.values
+        unsure[doubt.lines] = np.abs(others - values[doubt.lines]) ** 2 / 2
+    return _Fitted(values, covariance + known.covariance, unsure, residual, change, sure, known.modes)
+
+
+def _apart(drives: np.ndarray, answers: np.ndarray, index: np.ndarray, values: np.ndarray, late: str) -> np.ndarray:
+    """Mean square distances (f, nz, nx) of values from those of two halves alone, where these differ beyond chance.
+
+    A change at a resonance has a double pole, which a window smooths; each half has its own poles.
+    """
+    samples = drives.shape[1]
+    axis = 1 if late == "time" else 0
+    ends = slice(drives.shape[axis] // 2), slice(-(drives.shape[axis] // 2), None)
+    halves = [[part[:, end] if axis else part[end] for part in (drives, answers)] for end in ends]
+    shape, length = halves[0][0].shape[::2], halves[0][0].shape[1]
+    if (length - 1) // 2 < 2 * _half(*shape) + 1:
+        return np.zeros(values.shape)
+    at, none = index * (length / samples), np.zeros((0, *drives.shape))
+    first, last = (_fitted(_spectra(drive), _spectra(answer), none, at, length) for drive, answer in halves)
+    noise = np.mean([variances(one.of_noise, values.shape) + one.unsure for one in (first, last)], axis=0)
+    shared = (2 * _half(*shape) + 1) / (float(np.median(np.diff(at))) if at.size > 1 else 1.0)
+    seen = beyond_chance(last.values - first.values, noise, _spare(*shape), _SURE, shared)
+    return np.where(seen, np.mean([np.abs(one.values - values) ** 2 for one in (first, last)], axis=0), 0.0)
+
+
+def _spectra(signals: np.ndarray) -> np.ndarray:
+    """Transforms of signals (..., samples, n)."""
+    return np.fft.rfft(signals, axis=-2) / signals.shape[-2]
+
+
+def _unknowns(records: int, nx: int) -> int:
+    """Complex ones of a window."""
+    return (_ORDER + 1) * (nx + records) + _ORDER
+
+
+def _half(records: int, nx: int) -> int:
+    """Lines of a window on either side."""
+    return int(max(-(-((_unknowns(records, nx) + _SPARE) / records - 1) // 2), _ORDER + 1))
+
+
+def _spare(records: int, nx: int) -> float:
+    """Degrees of freedom of a window."""
+    return float(records * (2 * _half(records, nx) + 1) - _unknowns(records, nx))
 
 
 class _Windows(NamedTuple):
@@ -146,7 +199,7 @@ class _Windows(NamedTuple):
 def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows:
     # Beyond line 0, of offsets, lines are conjugates: the window stays centred. Responses need not be smooth beyond the last one:
     # half a sample of delay turns by pi there.
-    width, first = np.arange(2 * half + 1), np.minimum(index - half, last - 2 * half)[:, None]
+    width, first = np.arange(2 * half + 1), np.minimum(np.floor(index).astype(int) - half, last - 2 * half)[:, None]
     lines, low = np.maximum(first, 1) + width, int(np.sum(first < 1))
     if low:
         centred = first[:low] + width
@@ -331,61 +384,3 @@ def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarra
     size = np.sqrt(_smooth(np.max(np.abs(u) ** 2, axis=0), half))[index]
     scale = np.abs(y).max(axis=(0, 1))[:, None] + np.abs(values) @ np.abs(u).max(axis=(0, 1))[:, None]
     return 64 * np.finfo(float).eps * scale / np.where(size > 0, size, 1)[:, None, :]
-
-
-def welch(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
-    """``G = S_yu S_uu^{-1}`` of averaged periodograms; the covariance knows noise and leakage as scatter, not the smearing.
-
-    In closed loop, by the reference.
-    """
-    first = records[0]
-    samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
-    loop = first.reference is not None and first.reference.shape[1] == nu
-    length = 2 * samples // (_SEGMENTS + 1)
-    count = _SEGMENTS * len(records)
-    # Half-overlapping Hann windows: averages worth 1/(1 + 2/36) of independent ones (Welch 1967).
-    dof = int(count / (1 + 2 / 36 * (1 - 1 / _SEGMENTS))) - nu
-    if length < 16 or dof < 1:
-        raise InputError(f"`record` has {samples} samples, too few for {_SEGMENTS} segments with {nu} inputs")
-    parts = {name: _segments(records, name, length) for name in ("u", "y")}
-    x = _segments(records, "reference", length) if loop else parts["u"]
-    z = np.concatenate([parts["y"], parts["u"]], axis=2) if loop else parts["y"]
-    last = (length - 1) // 2
-    index = excited_lines(x, 1, last) if lines is None else checked_lines(lines, last)
-    x, z = (part[:, index].transpose(1, 2, 0) for part in (x, z))  # (f, n, count)
-    gram = np.linalg.pinv(x @ x.conj().swapaxes(1, 2))
-    values = z @ x.conj().swapaxes(1, 2) @ gram
-    left = z - values @ x
-    spread = left @ left.conj().swapaxes(1, 2) / (count - nu)
-    covariance = np.einsum("fji,fkl->fikjl", gram, spread).reshape(len(index), values[0].size, -1)
-    covariance = covariance * (count - nu) / dof
-    if loop:
-        values, covariance = divided(values, covariance, ny)
-    power = np.mean(np.abs(z[:, :ny]) ** 2, axis=2)
-    residual = np.einsum("fii->fi", spread).real[:, :ny]
-    found = Estimate(
-        index=index,
-        step=2 * np.pi / (length * first.dt),
-        values=values,
-        covariance=covariance,
-        dof=float(dof),
-        excitations=len(records) // nu or 1,
-        coherence=np.clip(1 - residual / np.where(power > 0, power, 1), 0, 1),
-        rounding=np.full(values.shape, np.finfo(float).tiny),
-        source=f"Welch: what changes within {hz_words(2 / (length * first.dt), 3)} is smeared, and the bound does not know it",
-        caveats=(Caveat.SMEARED,),
-    )
-    shared = pooled(found)
-    # Neighbouring lines of Hann windows have correlations of 2/3 and 1/6: 1 + 2 (4/9 + 1/36) of them are worth one.
-    return shared._replace(dof=np.maximum(shared.dof / (1 + 2 * (4 / 9 + 1 / 36)), dof))
-
-
-def _segments(records: list[TimeRecord], name: str, length: int) -> np.ndarray:
-    """Transforms of all segments of all records, (count, length//2+1, n)."""
-    from scipy.signal.windows import hann
-
-    signals = np.stack([np.asarray(getattr(r, name)) for r in records])
-    starts = np.arange(_SEGMENTS) * (length // 2)
-    cut = np.stack([signals[:, s : s + length] for s in starts], axis=1).reshape(-1, length, signals.shape[2])
-    cut = cut - cut.mean(axis=1, keepdims=True)
-    return np.fft.rfft(cut * hann(length, sym=False)[:, None], axis=1)

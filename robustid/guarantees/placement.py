@@ -357,7 +357,8 @@ def _estimated(plain: Real, tried: Real, omega: Real) -> Real:
         known = np.isfinite(tried[:, *entry]) & np.isfinite(plain[:, *entry])
         if known.any():
             level = np.log(tried[known, *entry] / plain[known, *entry])
-            found[:, *entry] = plain[:, *entry] * np.exp(np.interp(omega, omega[known], level))
+            with np.errstate(over="ignore"):  # near a frequency where nothing was found: infinite
+                found[:, *entry] = plain[:, *entry] * np.exp(np.interp(omega, omega[known], level))
     return found
 
 

@@ -53,10 +53,10 @@ def test_the_bound_holds_the_plant_that_half_of_the_periods_are_of(seeds):
     assert np.sum(np.array(far) > 1) <= LEFT * len(seeds), far
 
 
-@pytest.mark.parametrize(("plants", "seeds"), [(("heater",), range(1)), slow(SIMULATED, range(100, 110))])
+@pytest.mark.parametrize(("plants", "seeds"), [(("stage",), range(500, 501)), slow(SIMULATED, range(100, 110))])
 @pytest.mark.parametrize("fault", ["another plant (random)", slow("varying plant (random)")])
 def test_the_bound_of_any_excitation_is_wider_where_half_of_the_time_is_of_another_plant(plants, seeds, fault):
-    """1 % faster in one of two records, or half-way in each. All were silent, and nearly all left by the plant; not yet none is."""
+    """1 % faster in one of two records, or half-way in each: a change with a double pole at a resonance, which a window smooths."""
     far = []
     for seed in seeds:
         for name in plants:
@@ -67,7 +67,7 @@ def test_the_bound_of_any_excitation_is_wider_where_half_of_the_time_is_of_anoth
             assert CHANGED in found.note
             assert_said(found)
             far.append(distance(found, clean.plant))
-    assert np.mean(np.array(far) > 1) <= 0.5, far
+    assert np.mean(np.array(far) > 1) <= LEFT, far
 
 
 @pytest.mark.parametrize(("plants", "seeds"), [(("heater",), range(1)), slow(SIMULATED, range(1000, 1040))])

@@ -384,3 +384,9 @@ def test_the_summary_says_where_the_band_stands_on_what():
     nothing = plain().with_polygons(dataclasses.replace(refined().polygons, values=wide))
     assert "at 3 of 5 frequencies narrow the band nowhere" in nothing.summary()
     np.testing.assert_array_equal(nothing.upper, plain().upper)
+
+
+def test_beside_a_frequency_without_a_polygon_the_estimate_may_be_infinite():
+    plain, tried = np.array([1.0, 1e3, 7.0]), np.array([np.finfo(float).max, np.nan, 0.7])
+    found = placement._estimated(plain[:, None, None], tried[:, None, None], np.array([0.0, 1e-3, 1.0]))
+    np.testing.assert_allclose(found.ravel()[1:], [np.inf, 0.7])
