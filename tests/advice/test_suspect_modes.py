@@ -46,6 +46,13 @@ def test_a_mode_that_neighbours_ask_for_is_none(half_width):
     assert suspect_modes(frf, found.omega, found.damping) == ()
 
 
+def test_a_mode_below_the_lines_is_the_slope_there_and_no_line():
+    omega = HZ * np.geomspace(40, 400, 30)
+    values = HZ * 300 / (1j * omega + HZ * 3)  # a slow real pole, which light modes below the lines follow too
+    frf = rid.FrequencyResponse(omega, values, bound=0.05 * np.abs(values))
+    assert suspect_modes(frf, HZ * np.array([2.2, 2.3, 4.2]), np.array([0.03, 0.03, 0.5])) == ()
+
+
 def test_a_run_keeps_it_among_the_faults_of_its_data_once():
     frf = response(0.002)
     around, data = Surroundings(lambda *_: None), Measured((frf,), ())
