@@ -32,10 +32,10 @@ def suspect_modes(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[F
         line = int(np.argmin(np.abs(whole.omega - place)))
         apart = np.abs(whole.omega - whole.omega[line])
         spacing = float(apart[apart > 0].min(initial=np.inf))
-        outside = (
-            not whole.omega.min() - spacing <= place <= whole.omega.max() + spacing
-        )  # a slope, which no one line makes
-        if outside or not half < _NARROW * spacing:
+        low, high = whole.omega.min() - spacing, whole.omega.max() + spacing
+        if (
+            not low <= place <= high or not half < _NARROW * spacing
+        ):  # beyond all lines it is a slope, which no one line makes
             continue
         others = data.select(np.arange(whole.omega.size) != line)
         with_, without = (
