@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, Savable, as_array, as_count, as_flag, as_positive, freeze, hz_span
+from robustid.core import Frozen, Progress, Savable, as_array, as_count, as_flag, as_positive, freeze, hz_span
 from robustid.data.multisines import chosen_lines, given_lines, low_crest_phases, random_phases, synthesise
 from robustid.errors import InputError
 
@@ -113,6 +113,7 @@ def multisine(
     rms: ArrayLike | None = None,
     minimise_crest: bool = True,
     seed: int = 0,
+    progress: Progress | None = None,
 ) -> Excitation:
     """Design random-phase multisines: chosen spectral lines only, small crest factor, orthogonal over the inputs.
 
@@ -152,6 +153,8 @@ def multisine(
         False keeps the phases purely random (almost Gaussian signals, crest factors of 3 to 4).
     seed : int
         Seed of the phases and of the lines left out. More realisations with the same seed keep the first ones, up to scale.
+    progress : callable (text, done, count), optional
+        Told how many signals of how many have their phases.
 
     Returns
     -------
@@ -196,9 +199,14 @@ def multisine(
     size = _per_input(*given, nu)
     angles = _rotations(nu)
     u = np.empty((count, nu, period, nu))  # realisation, experiment, sample, input
+    words = "choosing phases" + " for a small crest factor" * minimise_crest
+    if progress is not None:
+        progress(words, 0, 0)
     for i in range(nu):
         turns = np.unique(np.round(angles[:, i] % np.pi, 9))  # a sign leaves the peak as it is
         for realisation in range(count):
+            if progress is not None:
+                progress(words, i * count + realisation, nu * count)
             rng = np.random.default_rng([seed, 1, realisation, i])
             if minimise_crest:
                 phases = low_crest_phases(rng, shape[:, i], chosen, period, turns)

@@ -11,7 +11,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, First, Force, Report, Static, Verbose, only, words_of
-from robustid.app.cli.screen import Next, in_words, step
+from robustid.app.cli.screen import Next, in_words, step, telling
 from robustid.app.run.checks import low_high
 from robustid.app.run.sources import Estimate, RecordSource
 from robustid.errors import InputError
@@ -78,8 +78,8 @@ def excite(
         asked: Options = {"band_hz": low_high("--band", band), "period": period, "spacing": spacing}
         asked |= {"lines_per_decade": lines_per_decade, "inputs": inputs, "realisations": realisations}
         asked |= {"periods": periods, "amplitude": _one_or_all(amplitude), "rms": _one_or_all(rms)}
-        with step(console, "choosing phases" + " for a small crest factor" * minimise_crest):
-            play = multisine(dt=dt, minimise_crest=minimise_crest, seed=seed, **asked)
+        with telling(console) as tell:
+            play = multisine(dt=dt, minimise_crest=minimise_crest, seed=seed, progress=tell, **asked)
         play.save(output)
     screen.say(console, *_described(play, realisations), "")
     screen.say_written(console, output)
