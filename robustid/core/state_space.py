@@ -79,7 +79,17 @@ def norms(matrices: Complex | Real) -> Real:
     """Largest singular values, (N, p, q) to (N,)."""
     if matrices.shape[1:] == (1, 1):
         return np.abs(matrices[:, 0, 0])
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
+    if min(matrices.shape[1:]) > 1 and matrices.shape[1:] != (2, 2):
+        return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
+    # One or two of them, without a decomposition of each matrix: the larger eigenvalue of A* A, by its trace and its entries.
+    size = np.abs(matrices).max(axis=(1, 2), initial=0.0)
+    scaled = matrices / np.where(size > 0, size, 1.0)[:, None, None]
+    squares = np.sum(scaled.real**2 + scaled.imag**2, axis=1)  # of the columns
+    largest = squares.sum(axis=1)
+    if 1 not in matrices.shape[1:]:
+        across = np.abs(np.sum(scaled[:, :, 0].conj() * scaled[:, :, 1], axis=1))
+        largest = largest / 2 + np.hypot((squares[:, 0] - squares[:, 1]) / 2, across)
+    return size * np.sqrt(largest)
 
 
 def points_of(omega: Real, dt: float | None) -> Complex:

@@ -38,6 +38,18 @@ def test_every_convention_is_the_dense_solution(states):
     assert all(np.abs(poles - pole).min() < 1e-12 for pole in np.linalg.eigvals(system[0]))
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (2, 1), (2, 2), (2, 3)])
+def test_norms_are_largest_singular_values_of_any_size(shape):
+    rng = np.random.default_rng(0)
+    matrices = rng.standard_normal((60, *shape)) + 1j * rng.standard_normal((60, *shape))
+    some = [matrices, matrices.real, matrices * 10.0 ** rng.uniform(-200, 200, (60, 1, 1)), np.zeros((2, *shape))]
+    left, _, right = np.linalg.svd(matrices, full_matrices=False)
+    some += [left[:, :, :1] @ right[:, :1], left @ right]  # of rank one, and with equal singular values
+    for each in some:
+        exact = [np.linalg.svd(one, compute_uv=False)[0] for one in each]
+        np.testing.assert_allclose(core.norms(each), exact, rtol=1e-14)
+
+
 def test_a_factorisation_a_point_keeps_repeated_light_poles():
     """Against 40 digits, at and beside the resonance of a double pair."""
     a, turn = np.exp((-1e-4 + 1j) * 0.3), 0.3

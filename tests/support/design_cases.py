@@ -20,6 +20,12 @@ def values_of(model, omega):
     return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
 
 
+def gain_of(plant, rate, count):
+    """The largest singular value of a stable plant on |z| = 1/rate."""
+    circle = np.exp(1j * np.linspace(0, np.pi, count)) / rate
+    return np.linalg.norm(response_at(StateMatrices.of(plant), circle), 2, axis=(1, 2)).max()
+
+
 def sizes_of(F, C):
     """Sizes of the maps of the loop of a plant and a controller, by their values."""
     S = 1 / np.abs(1 + F * C)
@@ -47,8 +53,7 @@ def band_of(seed):
     bound = rng.uniform(0.02, 0.05) * np.abs(true) + 0.005
     values = true + bound * rng.uniform(0, 1, 40) * np.exp(2j * np.pi * rng.uniform(size=40))
     rate = 1.04
-    edge = rate * np.exp(1j * np.linspace(0, np.pi, 2000))
-    gain = 1.1 * np.abs([plant(1 / np.conj(z)) for z in edge]).max()
+    gain = 1.1 * gain_of(plant, rate, 2000)
     problem = rid.MixedProblem(
         frequency=rid.FrequencyResponse(omega, values, bound=bound, dt=DT),
         prior=rid.Prior(gain_bound=float(gain), decay_rate=rate),
@@ -147,8 +152,7 @@ def matrix_band_of(seed, lines=40, size=2):
     bound = rng.uniform(0.01, 0.03) * np.abs(true) + 0.003
     values = true + bound * rng.uniform(0, 1, true.shape) * np.exp(2j * np.pi * rng.uniform(size=true.shape))
     rate = 1.04
-    edge = rate * np.exp(1j * np.linspace(0, np.pi, 1000))
-    gain = 1.1 * max(np.linalg.norm(plant(1 / np.conj(z)), 2) for z in edge)
+    gain = 1.1 * gain_of(plant, rate, 1000)
     problem = rid.MixedProblem(
         frequency=rid.FrequencyResponse(omega, values, bound=bound, dt=DT),
         prior=rid.Prior(gain_bound=float(gain), decay_rate=rate),

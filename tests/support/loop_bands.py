@@ -3,6 +3,7 @@
 import control
 import numpy as np
 
+from robustid.core import StateMatrices, points_of, response_at
 from robustid.guarantees import CircleBound
 from robustid.guarantees.over_cells import AroundModel
 
@@ -41,8 +42,7 @@ def grid(dt, count=400):
 
 
 def values(model, omega):
-    points = np.exp(1j * omega * model.dt) if model.dt else 1j * omega
-    return np.array([np.atleast_2d(model(point)) for point in points])
+    return response_at(StateMatrices.of(model), points_of(omega, model.dt))
 
 
 def all_pass(rng, dt):
