@@ -18,7 +18,17 @@ from robustid.core import Frozen, Options, Record
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
-from robustid.formats import FREQUENCY, TIME, StoredModel, Table, contents, origin, read_said, read_table, record_pairs
+from robustid.formats import (
+    FREQUENCY,
+    TIME,
+    StoredModel,
+    contents,
+    names_axis,
+    origin,
+    read_said,
+    read_table,
+    record_pairs,
+)
 from robustid.identification import sample_faults
 
 _STANDS_FOR = {"dt": 1.0, "frequency_unit": "Hz"}  # for what nobody has said
@@ -46,7 +56,7 @@ class Look(Frozen):
     bound : str
         What a response without a bound says of its errors itself; "" where it says nothing.
     unknown : tuple of str
-        Those of the `arguments` that stand for a number that nobody has said.
+        Those of the `arguments` that stand for what nobody has said: a number, or the meaning of names that say nothing.
     records : tuple of dict
         The `fields` of each record, where pairs of arrays are of several.
     kind : {"frequency", "time", ""}
@@ -102,6 +112,8 @@ class Look(Frozen):
         if self.error is None:
             return self
         options = option_words(self.asked_kind)
+        if "fields" in self.unknown:  # of either kind
+            options["fields"] = f"{option_words('frequency')['fields']} or {option_words('time')['fields']}"
         spoken = self.error.reworded(options, lambda remedy: in_options(remedy, self.asked_kind))
         spoken.argument = self.argument
         return dataclasses.replace(self, error=spoken)
@@ -113,6 +125,8 @@ class Look(Frozen):
         if self.found is None and not self.arguments:
             return ()
         _, called = self.step
+        if "fields" in self.unknown:  # there is nothing to load before somebody has said more
+            return (command_line([*called, "-o", "run.toml"]),)
         written = {"new": ["-o", "run.toml"], "export": ["-o", "model.m"], "identify": ["--report", "report.html"]}
         given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
         python = f"rid.load({json.dumps(name)}{given})"
@@ -242,7 +256,9 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         how = found.how if apart or table.meta is not None else how
     except (InputError, InputTypeError, FileFormatError) as error:
         tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
-        kind = _kind(table, tried)
+        kind = _kind(tried) or origin(table, "frequency", None).kind or ""
+        if "fields" not in options and _silent(tried.get("fields", {})):
+            unknown = (*unknown, "fields")
         told: Options = {
             "arguments": tried,
             "unknown": unknown,
@@ -288,12 +304,16 @@ def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ..
     return tried | {name: _STANDS_FOR[name] for name in unknown if name not in tried}, unknown
 
 
-def _kind(table: Table, tried: Mapping[str, Any]) -> str:
-    """Kind of what can't be read yet: by the arguments to try, else by the names in the file."""
+def _kind(tried: Mapping[str, Any]) -> str:
+    """Kind of the arguments to try; "" where they say none."""
     roles = set(tried.get("fields", {}))
-    if roles & set(TIME) or roles & set(FREQUENCY):
-        return "time" if roles & set(TIME) else "frequency"
-    return origin(table, "frequency", None).kind or ""
+    return "time" if roles & set(TIME) else "frequency" if roles & set(FREQUENCY) else ""
+
+
+def _silent(fields: Mapping[str, object]) -> bool:
+    """Return whether an axis is proposed whose name doesn't say that it is one: that is a question, and no reading."""
+    axes = [name for role in ("omega", "freq_hz", "time") if isinstance(name := fields.get(role), str)]
+    return any(not names_axis(name) for name in axes)
 
 
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
