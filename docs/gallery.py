@@ -20,6 +20,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS.parent / "examples"
 LIMIT = 90  # seconds of one core
@@ -121,6 +123,8 @@ def record(names: list[str]) -> None:
         printed = run(name, folder, None)
         if printed is None:
             sys.exit(f"{name} failed; are the measured data there (ROBUSTID_DATA)?")
+        for path in folder.glob("*.png"):
+            in_few_colours(path)
         pictures = [path for path in sorted(folder.glob("*.png")) if path.stat().st_size <= LARGEST]
         for path in folder.iterdir():
             if path.is_dir():
@@ -135,6 +139,13 @@ def record(names: list[str]) -> None:
         }
         (folder / "about.json").write_text(json.dumps(about, indent=1) + "\n")
         print(f"{name}: recorded, {len(pictures[:MOST])} pictures")
+
+
+def in_few_colours(path: Path) -> None:
+    """Write a picture that is too large again with 256 colours, which is enough for curves and text."""
+    if path.stat().st_size > LARGEST:
+        picture = Image.open(path).convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE)
+        picture.save(path, optimize=True)
 
 
 def needs_record(name: str) -> bool:

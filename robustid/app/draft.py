@@ -93,7 +93,10 @@ def _source(one: Look, folder: Path, arguments: Mapping[str, object]) -> _Source
     lines += [f"# Looks odd: {fault}" for fault in one.faults]
     lines += ["[[frequency]]" if response else "[[record]]", f"file = {json.dumps(os.path.relpath(one.path, folder))}"]
     lines += [f"{key} = {_toml(value)}" for key, value in arguments.items() if key not in one.unknown]
-    edits += [_ASKED[name] for name in one.unknown] + [_EITHER] * (not one.kind)
+    edits += [_ASKED[name] for name in one.unknown if name in _ASKED]
+    if "fields" in one.unknown:
+        edits.append(f"# fields = {_toml(arguments['fields'])}  # EDIT: a guess, the names say nothing")
+    edits += [_EITHER] * (not one.kind)
     if one.correction:
         checks.append(f"# correct = [{json.dumps(one.correction)}]  # undoes what looks odd; without the # it is done")
         lines.append(checks[-1])

@@ -6,45 +6,35 @@ import dataclasses
 import functools
 import json
 import os
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
+from robustid.app.arrays import array_faults, said_words, shape_words
 from robustid.app.load_save import load
 from robustid.app.run.reading import in_options, option_words, values_of_options
 from robustid.app.run.toml import is_array
 from robustid.app.run.undoing import command_line, with_option
-from robustid.core import Frozen, Options, Real, Record, hz_words
+from robustid.core import Frozen, Options, Record
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy, RobustIdError
 from robustid.estimation import estimate_bound, experiment_faults, record_faults, response_faults
 from robustid.formats import (
     FREQUENCY,
     TIME,
-    Item,
     StoredModel,
-    Table,
     contents,
-    heading,
+    names_axis,
     origin,
     read_said,
     read_table,
     record_pairs,
-    seconds_in,
 )
 from robustid.identification import sample_faults
 
-_EVEN = 1e-6  # part of a step
 _STANDS_FOR = {"dt": 1.0, "frequency_unit": "Hz"}  # for what nobody has said
 _CORRECT = "--frequency-correct"
-_FEW = 8  # rows of a spectrum
 _SEEN = 2500  # values of a response from whose scatter a bound is taken
 _MANY = 12  # things that are listed
-_MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
-_AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
-_TIME = re.compile(r"\bt$|time", re.I)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +56,7 @@ class Look(Frozen):
     bound : str
         What a response without a bound says of its errors itself; "" where it says nothing.
     unknown : tuple of str
-        Those of the `arguments` that stand for a number that nobody has said.
+        Those of the `arguments` that stand for what nobody has said: a number, or the meaning of names that say nothing.
     records : tuple of dict
         The `fields` of each record, where pairs of arrays are of several.
     kind : {"frequency", "time", ""}
@@ -122,6 +112,8 @@ class Look(Frozen):
         if self.error is None:
             return self
         options = option_words(self.asked_kind)
+        if "fields" in self.unknown:  # of either kind
+            options["fields"] = f"{option_words('frequency')['fields']} or {option_words('time')['fields']}"
         spoken = self.error.reworded(options, lambda remedy: in_options(remedy, self.asked_kind))
         spoken.argument = self.argument
         return dataclasses.replace(self, error=spoken)
@@ -133,6 +125,8 @@ class Look(Frozen):
         if self.found is None and not self.arguments:
             return ()
         _, called = self.step
+        if "fields" in self.unknown:  # there is nothing to load before somebody has said more
+            return (command_line([*called, "-o", "run.toml"]),)
         written = {"new": ["-o", "run.toml"], "export": ["-o", "model.m"], "identify": ["--report", "report.html"]}
         given = "".join(f", {key}={json.dumps(value)}" for key, value in self.arguments.items())
         python = f"rid.load({json.dumps(name)}{given})"
@@ -255,14 +249,16 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     apart = [dict(one) for one in pairs.fields] if pairs.apart and not options else []
     joined = pairs.joined if apart else {}
     found = contents(table)
-    rows = tuple((item.address, _shape(item), _said(item)) for item in found.items)
-    odd = [fault for item in found.items if item.values is not None for fault in _odd(item)]
+    rows = tuple((item.address, shape_words(item), said_words(item)) for item in found.items)
+    odd = [fault for item in found.items if item.values is not None for fault in array_faults(item)]
     try:
         data, how = ([load(table, fields=one) for one in apart], "") if apart else read_said(table, **options)
         how = found.how if apart or table.meta is not None else how
     except (InputError, InputTypeError, FileFormatError) as error:
         tried, unknown = _tried(error, {"fields": apart[0]} if apart else options)
-        kind = _kind(table, tried)
+        kind = _kind(tried) or origin(table, "frequency", None).kind or ""
+        if "fields" not in options and _silent(tried.get("fields", {})):
+            unknown = (*unknown, "fields")
         told: Options = {
             "arguments": tried,
             "unknown": unknown,
@@ -308,12 +304,16 @@ def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ..
     return tried | {name: _STANDS_FOR[name] for name in unknown if name not in tried}, unknown
 
 
-def _kind(table: Table, tried: Mapping[str, Any]) -> str:
-    """Kind of what can't be read yet: by the arguments to try, else by the names in the file."""
+def _kind(tried: Mapping[str, Any]) -> str:
+    """Kind of the arguments to try; "" where they say none."""
     roles = set(tried.get("fields", {}))
-    if roles & set(TIME) or roles & set(FREQUENCY):
-        return "time" if roles & set(TIME) else "frequency"
-    return origin(table, "frequency", None).kind or ""
+    return "time" if roles & set(TIME) else "frequency" if roles & set(FREQUENCY) else ""
+
+
+def _silent(fields: Mapping[str, object]) -> bool:
+    """Return whether an axis is proposed whose name doesn't say that it is one: that is a question, and no reading."""
+    axes = [name for role in ("omega", "freq_hz", "time") if isinstance(name := fields.get(role), str)]
+    return any(not names_axis(name) for name in axes)
 
 
 def _shape_of(record: TimeRecord) -> tuple[int, int]:
@@ -329,92 +329,3 @@ def _own_bound(frf: FrequencyResponse) -> str:
         return found.bound.words(found.note) + seen
     except InputError:
         return ""
-
-
-def _shape(item: Item) -> str:
-    return " x ".join(map(str, item.shape)) if item.values is not None else item.kind
-
-
-def _said(item: Item) -> str:
-    """Range of an item, and what its name says of it: quantity, unit, and whether its sign is turned."""
-    said = heading(item.address) if item.kind == "real" else None
-    known = said is not None and said.part and (said.unit or said.quantity or said.sign < 0)
-    return f"{_range(item)}: {said.words}" if said is not None and known else _range(item)
-
-
-def _range(item: Item) -> str:
-    """Range of numbers, with their step where they are evenly spaced; else the text."""
-    if item.values is None or not item.values.size:
-        return item.text.replace("\n", ", ")[:60]
-    values = np.asarray(item.values)
-    if np.iscomplexobj(values):
-        size = np.abs(values[np.isfinite(values)])
-        return f"complex, magnitudes {size.min():.4g} to {size.max():.4g}" if size.size else "not finite"
-    finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
-    if not finite.size:
-        return "not finite"
-    if values.size == 1:
-        return f"{finite[0]:.6g}"
-    words = f"{finite.min():.4g} to {finite.max():.4g}"
-    step = _step(values)
-    if step:
-        words += f", evenly spaced by {step:.6g}"
-        if _TIME.search(item.name):
-            scale = seconds_in(item.address)
-            words += f" ({'as seconds: ' if scale is None else ''}{1 / (step * (scale or 1)):.6g} samples per second)"
-        elif _AXIS.search(item.name) and not item.unit:
-            top = float(finite.max())
-            words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"
-    return words
-
-
-def _step(values: np.ndarray) -> float:
-    """Step of numbers that are evenly spaced; 0 of others."""
-    flat: Real = np.asarray(values, dtype=float).ravel()
-    if flat.size < 3 or not np.all(np.isfinite(flat)):
-        return 0.0
-    steps = np.diff(flat)
-    middle = float(np.median(steps))
-    return middle if middle > 0 and float(np.max(np.abs(steps - middle))) <= _EVEN * middle * 10 else 0.0
-
-
-def _two_sided(values: np.ndarray) -> bool:
-    """Return whether the rows of a DFT of real signals go on beyond the Nyquist frequency."""
-    rows = values.reshape(len(values), -1)
-    size = float(np.abs(rows).max()) if rows.shape[0] >= _FEW else np.nan
-    return bool(np.any(np.abs(np.imag(rows)) > _EVEN * size)) and bool(
-        np.all(np.abs(rows[1:] - rows[:0:-1].conj()) <= _EVEN * size)
-    )
-
-
-def _odd(item: Item) -> list[Fault]:
-    """Faults of one array: not finite, decibels, degrees."""
-    values, name = np.asarray(item.values), item.address
-    found: list[Fault] = []
-    missing = int(np.sum(~np.isfinite(values)))
-    if missing:
-        counted = "1 value that is" if missing == 1 else f"{missing} values that are"
-        words = f"{name} has {counted} not finite, of {values.size}"
-        found.append(Fault(FaultKind.NOT_FINITE, words, where=name, size=missing))
-    if np.iscomplexobj(values) and _two_sided(values):
-        half = values.shape[0] // 2
-        words = f"{name} is a two-sided spectrum, its second half the conjugate of its first: keep rows 0 to {half},"
-        words += f' "{name.removesuffix("[:]")}[:{half + 1}]"'
-        found.append(Fault(FaultKind.TWO_SIDED, words, where=name, size=half))
-    if np.iscomplexobj(values) or not values.size or missing == values.size:
-        return found
-    finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
-    said = heading(name)
-    size = not item.unit and (said is None or said.part in ("magnitude", ""))
-    if size and _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:
-        words = f"{name} has negative values: a magnitude in decibels"
-        found.append(Fault(FaultKind.MAGNITUDE_UNIT, words, where=name, size=least))
-    if _PHASE.search(item.name) and not item.unit and "rad" not in name.lower() and not re.search(r"deg|°", name, re.I):
-        most = float(np.abs(finite).max())
-        if most > 4 * np.pi:
-            words = f"{name} goes to {most:.4g}: a phase in degrees"
-            found.append(Fault(FaultKind.PHASE_UNIT, words, where=name, size=most))
-        elif most <= 1.001 * np.pi:
-            words = f"{name} stays within pi: a phase in radians"
-            found.append(Fault(FaultKind.PHASE_UNIT, words, where=name, size=most))
-    return found

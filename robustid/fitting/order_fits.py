@@ -65,6 +65,7 @@ def fits_of_orders(
     done, best = 0, math.inf
     with Interruptible(lambda: bool(fits)) as sweep:
         try:
+            budget.tell(done, len(orders))
             for first in range(0, len(orders), _WAVE):
                 wave = orders[first : first + _WAVE]
                 for order, outcome in _wave(frf, wave, options, executor):

@@ -4,6 +4,7 @@ from robustid.formats import datasets
 from robustid.formats.contents import Contents, Item, contents
 from robustid.formats.excitation_files import load_excitation
 from robustid.formats.headings import heading
+from robustid.formats.load_example import names_axis
 from robustid.formats.measurement_files import Origin, kind_of_file, origin, read_file, read_said
 from robustid.formats.model_files import StoredModel, load_model, save_model
 from robustid.formats.networks import is_network, scattering_model, scattering_of, write_spice, write_touchstone
@@ -32,6 +33,7 @@ __all__ = [
     "kind_of_file",
     "load_excitation",
     "load_model",
+    "names_axis",
     "origin",
     "read_file",
     "read_said",

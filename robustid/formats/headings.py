@@ -15,7 +15,8 @@ PARTS = {
     **dict.fromkeys(("mag", "magnitude", "abs", "mod", "modulus", "betrag"), "magnitude"),
     **dict.fromkeys(("phase", "phz", "ph", "phi", "arg", "angle", "ang", "theta"), "phase"),
 }
-QUANTITIES = {"z": "Z", "impedance": "Z", "impedanz": "Z", "y": "Y", "admittance": "Y", "s": "S", "h": "H", "g": "G",
+QUANTITIES = {"z": "Z", "impedance": "Z", "impedanz": "Z", "imp": "Z", "y": "Y", "admittance": "Y",
+              "s": "S", "h": "H", "g": "G",
               **dict.fromkeys(("h1", "h2", "hv"), "H"),  # estimates of a response by an analyser of vibration
               "gain": "G",
               "frf": "H", "spl": "SPL"}  # fmt: skip

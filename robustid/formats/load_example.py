@@ -71,6 +71,11 @@ def _kind(address: str) -> str | None:
     return "time" if role == "time" or (unit and units.factor(units.TIME, unit)) else None
 
 
+def names_axis(address: str) -> bool:
+    """Return whether the name of a column says that it is frequency or time."""
+    return _kind(address) is not None or speaks_of_frequency(address)
+
+
 def _counts(address: str, values: np.ndarray) -> bool:
     """Return whether a column numbers the rows: it is no signal, and no time."""
     return _kind(address) is None and np.isrealobj(values) and bool(np.all(np.diff(values.astype(float)) == 1))

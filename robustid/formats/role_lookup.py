@@ -93,7 +93,7 @@ class Lookup:
             return "frequency" if frequency else "time"
         if not frequency and (kind := self.looks()) is not None:
             return kind
-        words = "can't tell whether it holds frequency or time data; give `kind` and `fields`. "
+        words = "can't tell whether it holds frequency or time data; say which column is what by `fields`. "
         raise InputError(words, *self.help(), argument="fields")
 
     def looks(self) -> str | None:

@@ -52,7 +52,9 @@ def relative_errors(
     inside = known & of_data(problem, omega)
     chosen = inside if inside.any() else known
     size = np.linalg.norm(nominal[chosen], 2, axis=(1, 2))
-    return RelativeErrors(omega[chosen], upper[chosen] / np.maximum(size, np.finfo(float).tiny))
+    with np.errstate(over="ignore"):  # of a response that is 0 any error is infinitely many per cent
+        share = upper[chosen] / np.maximum(size, np.finfo(float).tiny)
+    return RelativeErrors(omega[chosen], share)
 
 
 def of_data(problem: MixedProblem, omega: Real) -> NDArray[np.bool_]:

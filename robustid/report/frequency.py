@@ -119,7 +119,7 @@ def entry_chart(
         _add_samples(drawn, what, np.maximum(at, band[0]) / HZ, sizes, angles, hover)
     x, name = hertz(problem, *band), transfer(identification, *entry)
     if siso(identification):
-        turn_axis = phase_axis(span, f"phase [°] of\n{problem.outputs[0].name} / {problem.inputs[0].name}", tick=90.0)
+        turn_axis = phase_axis(span, f"phase [°] of\n{problem.outputs[0].name} / {problem.inputs[0].name}")
         return drawn.chart("frequency", x, Axis(name, log=True, range=reach), turn_axis, "Magnitude", "Phase")
     size_axis = Axis(f"magnitude{entry_unit(identification, *entry)}", log=True, range=reach)  # the name stands above
     return drawn.chart(f"entry-{entry[0]}-{entry[1]}", x, size_axis, phase_axis(span), name, grid=True)

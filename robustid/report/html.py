@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robustid._version import __version__
+from robustid.core import Budget, Progress
 from robustid.report.charts import Chart, Layer
 from robustid.report.document import MOST_WARNINGS, Block, Document, Drawing, Grid, Text, in_short
 from robustid.report.with_matplotlib import draw
@@ -43,7 +44,7 @@ _FINENESS = (110, 96, 84, 72, 60, 50, 40, 32)  # of the others, tried one after 
 _SMALL = 0.6  # fineness of one of many pictures beside each other
 
 
-def render(document: Document, *, static: bool = False) -> str:
+def render(document: Document, *, static: bool = False, progress: Progress | None = None) -> str:
     """Render a document as the text of a page; a static one has pictures in place of scripts."""
     drawn = _figures(document)
     every = [figure for parts in drawn.values() for figure in parts]
@@ -55,7 +56,7 @@ def render(document: Document, *, static: bool = False) -> str:
             warnings=[in_short(words) for words in document.warnings],
             most_warnings=MOST_WARNINGS,
             figures=drawn,
-            pictures=pictures(every) if static else {},
+            pictures=pictures(every, progress) if static else {},
             static=static,
             versions=_versions(),
             date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
@@ -165,12 +166,14 @@ def _plotly() -> str:
     return packed(get_plotlyjs())
 
 
-def pictures(figures: Sequence[Figure]) -> dict[str, str]:
+def pictures(figures: Sequence[Figure], progress: Progress | None = None) -> dict[str, str]:
     """Draw figures as PNG data addresses by their id, as fine as fits into `MOST_BYTES`; the first is always fine."""
     drawn = [draw(Chart(one.id, one.panels, linked=True, grid=one.small)) for one in figures]
     found: dict[str, str] = {}
     for dpi in _FINENESS:
-        for figure, picture in zip(figures, drawn, strict=True):
+        budget = Budget(None, progress, f"drawing pictures of {dpi} dots per inch")
+        for k, (figure, picture) in enumerate(zip(figures, drawn, strict=True)):
+            budget.tell(k, len(figures))
             fine = _FIRST if figure is figures[0] else dpi * (_SMALL if figure.small else 1.0)
             found[figure.id] = _address(picture, fine)
         if sum(map(len, found.values())) <= MOST_BYTES:

@@ -63,9 +63,9 @@ class MagnitudePhase:
         return Chart(name, panels, linked=True, grid=grid)
 
 
-def phase_axis(span: tuple[float, float], label: str = "phase [°]", tick: float | None = None) -> Axis:
+def phase_axis(span: tuple[float, float], label: str = "phase [°]") -> Axis:
     """Axis of a phase in degrees."""
-    return Axis(label, range=span, tick=tick or phase_tick(span))
+    return Axis(label, range=span, tick=phase_tick(span))
 
 
 def behind(panel: Panel, layers: Sequence[Layer], span: tuple[float, float]) -> Panel:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Unpack, cast
 
 from robustid.advice import CommonModes
 from robustid.controllers import ControllerDesign
-from robustid.core import Unfinished, as_flag, as_kind, atomic_write
+from robustid.core import Budget, Progress, Unfinished, as_flag, as_kind, atomic_write
 from robustid.data import FrequencyResponse
 from robustid.errors import InputTypeError
 from robustid.fitting import MatrixFraction
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from robustid.reduction import Reduction
 
 _LINES = 18  # of a summary
+_STAGES = 2  # of a page: its parts, whose certificates are verified, and its file
 Shown = (
     Identification
     | MatrixFraction
@@ -73,6 +74,7 @@ def write_report(
     *,
     title: str | None = None,
     static: bool = False,
+    progress: Progress | None = None,
     **parts: Unpack[Parts],
 ) -> None:
     """Write everything there is to know about a result as one self-contained HTML page.
@@ -101,6 +103,8 @@ def write_report(
         Heading; default: the names of the signals.
     static : bool
         Pictures in place of plots that can be zoomed: a page without scripts, mostly below 500 kB, that any mail program shows.
+    progress : callable (text, done, count), optional
+        Told how far it is, such as `show_progress`.
     **parts
         What stands beside the result on its page, listed below.
 
@@ -184,13 +188,18 @@ def write_report(
     ...     "Four samples" in page.read_text()
     True
     """
-    text = render_report(identification, title=title, static=static, **parts)
+    text = render_report(identification, title=title, static=static, progress=progress, **parts)
     with atomic_write(path) as file:
         file.write(text)
 
 
 def render_report(
-    identification: Shown, *, title: str | None = None, static: bool = False, **parts: Unpack[Parts]
+    identification: Shown,
+    *,
+    title: str | None = None,
+    static: bool = False,
+    progress: Progress | None = None,
+    **parts: Unpack[Parts],
 ) -> str:
     """Return the page of `write_report`, which names the parts, as text."""
     static = as_flag("static", static)
@@ -200,7 +209,11 @@ def render_report(
     build, belonging = _PAGES[kind]
     given = _given(parts)
     refuse_foreign(identification, given, belonging)
-    return html.render(build(identification, title, given), static=static)
+    budget = Budget(None, progress, "drawing the report")
+    budget.tell(0, _STAGES)
+    document = build(identification, title, given)
+    budget.tell(1, _STAGES)
+    return html.render(document, static=static, progress=progress)
 
 
 def first_screen(result: Shown, **parts: Unpack[Parts]) -> Document:

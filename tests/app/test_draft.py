@@ -82,6 +82,27 @@ def test_signals_and_sample_time_that_are_proposed(tmp_path, name, arrays, field
     assert together == (len(fields) == 2 and "unlike" not in name)
 
 
+GUESSES = [
+    (np.sqrt(MS + 1), {"freq_hz": "blorp", "real": "quux", "imag": "zing"}),
+    (MS, {"time": "blorp", "u": "quux", "y": "zing"}),
+]
+
+
+@pytest.mark.parametrize(("axis", "fields"), GUESSES, ids=["uneven", "even"])
+def test_an_axis_whose_name_says_nothing_is_asked_about_and_not_run(tmp_path, axis, fields):
+    write(tmp_path / "x.csv", {"blorp": axis, "quux": U, "zing": Y})
+    found = rid.look(tmp_path / "x.csv")
+    assert found.next == (f"robustid new {tmp_path / 'x.csv'} -o run.toml",)
+    assert "by --frequency-field ROLE=NAME or --time-field ROLE=NAME." in found.for_terminal().refusal
+    draft = drafted_run_file([found], tmp_path)
+    guess = ", ".join(f'"{role}" = "{name}"' for role, name in found.arguments["fields"].items())
+    assert f"# fields = {{ {guess} }}  # EDIT: a guess, the names say nothing" in draft.edits
+    assert found.arguments["fields"] == fields
+    (tmp_path / "run.toml").write_text(draft.text)
+    read = read_run_file(tmp_path / "run.toml")
+    assert [source.fields for source in (*read.frequency, *read.record)] == [None]
+
+
 def test_a_counter_may_be_the_frequency_axis_of_a_response(tmp_path):
     write(tmp_path / "x.csv", {"k": COUNT, "a": U, "b": Y})
     assert '"freq_hz": "k"' in rid.look(tmp_path / "x.csv").refusal

@@ -171,13 +171,13 @@ def test_executors_change_nothing():
     frf, orders = data(0, 2, 2, 1, 40), [2, 3, 4]
     calls = []
     serial = suggest_order(frf, orders=orders, progress=lambda text, *call: calls.append(call))
-    assert calls == [(1, 3), (2, 3), (3, 3)]
+    assert calls == [(0, 3), (1, 3), (2, 3), (3, 3)]
     with ThreadPoolExecutor(2) as pool:
         same(serial, suggest_order(frf, orders=orders, executor=pool))
     with ProcessPoolExecutor(1) as pool:
         calls.clear()
         same(serial, suggest_order(frf, orders=orders, executor=pool, progress=lambda text, *call: calls.append(call)))
-    assert calls == [(1, 3), (2, 3), (3, 3)]
+    assert calls == [(0, 3), (1, 3), (2, 3), (3, 3)]
     same(serial, pickle.loads(pickle.dumps(serial)))
 
 

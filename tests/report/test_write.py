@@ -28,6 +28,16 @@ def test_a_failing_write_leaves_the_old_file(simple, tmp_path, monkeypatch):
     assert "Inconsistent" in path.read_text()
 
 
+def test_a_page_tells_how_far_it_is_in_counts(simple, tmp_path, monkeypatch):
+    monkeypatch.setattr("robustid.report.html._FINENESS", (20,))
+    told = []
+    write_report(simple, tmp_path / "page.html", static=True, progress=lambda *said: told.append(said))
+    pictures = (tmp_path / "page.html").read_text().count("data:image/png")
+    assert told[:2] == [("drawing the report", 0, 2), ("drawing the report", 1, 2)]
+    assert told[2:] == [("drawing pictures of 20 dots per inch", k, pictures) for k in range(pictures)]
+    assert pictures > 2
+
+
 SECTIONS = {
     "worst_case": (3, "must be a WorstCaseError"),
     "over_poles": (1, "must be a WorstCaseOverPoles, from worst_case_over_poles"),

@@ -231,7 +231,7 @@ def zma():
 def zma_titled():
     """The same with names, below a remark of as many words as there are columns."""
     body = lines(HZ, abs(SPEAKER), degrees(SPEAKER), separator=" ", number="{:.9f}", end="\n")
-    return ("* Impedance of woofer\n* Freq(Hz) Impedance(ohms) Phase(degrees)\n" + body).encode()
+    return ("* Impedance of woofer\n* Freq(Hz) Imp(ohms) Phase(degrees)\n" + body).encode()
 
 
 _AXES = ("dd", "dq", "qd", "qq")

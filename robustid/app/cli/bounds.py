@@ -190,8 +190,8 @@ class _Bounds:
         again = [source, *(word for one in kept for word in ("--bounds", one))]
         report, said = screen.page_in_time(self.report, again, steps)
         if report is not None:
-            work.around.say("drawing the report")
-            write_report(work.identification, report, static=self.static, **self._parts(work))
+            told = work.around.told
+            write_report(work.identification, report, static=self.static, progress=told, **self._parts(work))
             self.written.append(report)
         return said or []
 

@@ -11,7 +11,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
-from robustid.app.cli.screen import in_words, say, step
+from robustid.app.cli.screen import in_words, say, step, telling
 from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError, Status
 
@@ -92,7 +92,9 @@ def compare(
     if output is not None:
         found.save(output)
     if report is not None:
-        write_report(found, report, title=" and ".join(path.stem for path in paths), static=static)
+        title = " and ".join(path.stem for path in paths)
+        with telling(console) as progress:
+            write_report(found, report, title=title, static=static, progress=progress)
     head = first_screen(found)
     screen.conclude(console, head, lambda: [found.summary()], written=[*files, report])
     if isinstance(found, CommonModes):

@@ -88,10 +88,8 @@ def control(
         steps = _next(found, model) if found.status.name == "PROVED" else None
         report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
         if report is not None:
-            progress("drawing the report", 0, 0)
-            write_report(
-                found, report, title=f"Controller for {source[0].stem}" if len(source) == 1 else None, static=static
-            )
+            title = f"Controller for {source[0].stem}" if len(source) == 1 else None
+            write_report(found, report, title=title, static=static, progress=progress)
     written = [*files, model if usable else None, report]
     head, code = first_screen(found), design_exit(found, [one.band for one in plants])
     screen.conclude(console, head, lambda: [found.summary()], written=written, steps=steps)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from robustid.core import Options
     from robustid.data import Excitation, FrequencyResponse, TimeRecord, Undoing
+    from robustid.report import Parts
 
 _SAME_STEP = 1e-6  # part of a sample time
 
@@ -190,7 +191,9 @@ def frf(
     page = None
     if report is not None:
         commands = [(one.what, one.command) for one in steps]
-        page = render_report(found, static=static, records=records, undoing=undoing, steps=commands)
+        shown: Parts = {"records": records, "undoing": undoing, "steps": commands}
+        with telling(console) as progress:
+            page = render_report(found, static=static, progress=progress, **shown)
     save(output, found)
     written_files.write_page(report, page)
     head = first_screen(found)

@@ -12,7 +12,7 @@ import typer
 
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
-from robustid.app.cli.screen import Next, in_words, step, telling, warn
+from robustid.app.cli.screen import Next, in_words, telling, warn
 from robustid.app.run.checks import options
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from robustid.core import Options, Real
     from robustid.data import FrequencyResponse
     from robustid.fitting import MatrixFraction, OrderSweep, RollOff, Weight
+    from robustid.report import Parts
 
 _WIDTH = 56  # characters of the frequency axis
 _MARKS = {"stable": "o", "frequency": "+", "damping": ".", "new": "."}
@@ -115,8 +116,9 @@ def fit(
     if len(model_files) > 1:  # a fit that is kept has a page later, too
         report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
     if report is not None:
-        with step(console, "drawing the report"):
-            page = render_report(result, static=static, data=frf, order_sweep=sweep, undoing=undoing, steps=commands)
+        with telling(console) as progress:
+            shown: Parts = {"data": frf, "order_sweep": sweep, "undoing": undoing, "steps": commands}
+            page = render_report(result, static=static, progress=progress, **shown)
     if len(model_files) > 1:
         result.save(output)
     else:

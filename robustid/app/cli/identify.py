@@ -264,11 +264,9 @@ def conclude(
 
     result, undoing, page = work.identification, work.undoing, None
     with Interruptible():  # Ctrl-C while it is drawn loses the page alone
-        page = (
-            None
-            if report is None or was_interrupted()
-            else render_report(result, title=title, static=static, **work.parts)
-        )
+        if report is not None and not was_interrupted():
+            with telling(console) as progress:
+                page = render_report(result, title=title, static=static, progress=progress, **work.parts)
     report, shown = screen.page_in_time(report, [written_files.stem(output)], steps)
     if shown is not steps:  # the page first: it says what else is to be done
         steps, undoing = shown, None

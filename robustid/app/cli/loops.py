@@ -89,7 +89,7 @@ def loop(
             written += _keep_tried(places[name], found[name]) if name in found else []
         report, steps = screen.page_in_time(report, [places[name] for name in list(found)[:1] if name], None)
         if report is not None:
-            _draw(found, report, static)
+            _draw(found, report, static, progress)
     files = [*written, *([report] if report else [])]
     _conclude(console, found, files, steps)
     worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
@@ -211,14 +211,14 @@ def _keep_tried(place: Path, found: LoopBounds) -> list[Path]:
     return written
 
 
-def _draw(found: dict[str, LoopBounds], report: Path, static: bool) -> None:
+def _draw(found: dict[str, LoopBounds], report: Path, static: bool, progress: Progress) -> None:
     """Write the page: of the first controller, the others beside it."""
     from robustid.report import write_report
 
     first = next(iter(found))
     title = f"Controller {first}" if first else "The controller that ran"
     others = found if len(found) > 1 else None
-    write_report(found[first], report, title=title, static=static, candidates=others)
+    write_report(found[first], report, title=title, static=static, progress=progress, candidates=others)
 
 
 def connect(
@@ -283,8 +283,8 @@ def connect(
         head, kept = first_screen(found), _kept_out(found, region)
         shown = dataclasses.replace(head.glance, numbers=[*head.glance.numbers, *kept])
         if report is not None:
-            progress("drawing the report", 0, 0)
-            write_report(found, report, title=f"{source.stem} and {load.stem}", static=static, forbidden=region)
+            title = f"{source.stem} and {load.stem}"
+            write_report(found, report, title=title, static=static, progress=progress, forbidden=region)
     steps = [Next("its proofs, from the numbers", ["verify", written_files.stem(output)])] if found.stable else None
     said = [found.summary(), *map(": ".join, kept)]
     head, written = dataclasses.replace(head, glance=shown), [*files, *written, *([report] if report else [])]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _PATIENCE = (
     0.35  # seconds, and of processor time, after Ctrl-C in which a command answers; one compiled call may take minutes
 )
+_WORD = 0.25  # seconds after which it is said that a command is ending, on a busy machine too
 _AT_MOST = 2.0  # seconds, where it gets no processor
 _NOT_YET = "Ctrl-C: ending{}; Ctrl-C again ends at once"
 _KEPT = ", with what was found so far"
@@ -137,7 +138,7 @@ class _Watch:
         self._began = self._shown = time.monotonic()
         self._asked: float | None = None  # when Ctrl-C came that nobody has been told of yet
         self._spent, self._patience = 0.0, _PATIENCE  # processor time then; seconds in which it has to answer
-        self._heard = False
+        self._heard = self._said = False  # Ctrl-C by the command; that it is ending
         self._signals, wake = os.pipe()
         os.set_blocking(wake, False)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD):
@@ -200,12 +201,16 @@ class _Watch:
     def _look(self) -> None:
         """Say that a step goes on; end a command that doesn't hear Ctrl-C and has nothing to keep."""
         now = time.monotonic()
-        if self._asked is not None and (passed := now - self._asked) > self._patience:
-            if self._heard or self._step["kept"]:
-                self._asked = None
-                self._say(_NOT_YET.format(_KEPT * self._step["kept"]), "\n", to=2)
-            elif passed > _AT_MOST or self._processor() - self._spent >= self._patience:
+        if self._asked is not None:
+            passed, ending = now - self._asked, self._heard or self._step["kept"]
+            late = passed > self._patience and self._processor() - self._spent >= self._patience
+            if not ending and (late or passed > _AT_MOST):
                 self._end()
+            if passed > _WORD and not self._said:
+                self._said = True
+                self._say(_NOT_YET.format(_KEPT * self._step["kept"]), "\n", to=2)
+            if self._said and ending:
+                self._asked = None
         if self._step["text"] and now - self._shown > SILENCE:
             self._shown = now
             step, passed = self._step, now - self._began

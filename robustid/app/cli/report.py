@@ -158,7 +158,7 @@ class _Page(NamedTuple):
     def _written(self, result: Any, parts: Parts) -> None:
         from robustid.report import write_report
 
-        write_report(result, self.output, title=self.title, static=self.static, **parts)
+        write_report(result, self.output, title=self.title, static=self.static, progress=self.progress, **parts)
 
     def _head(self, result: Any, parts: Parts) -> Document:
         from robustid.report import first_screen

@@ -10,7 +10,7 @@ import typer
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Report, Static, Verbose, only, words_of
 from robustid.app.cli.compare import measured, response_of
-from robustid.app.cli.screen import in_words, step
+from robustid.app.cli.screen import in_words, step, telling
 from robustid.app.run.sources import Estimate, RecordSource, ResponseSource
 from robustid.errors import InputError, Status
 
@@ -110,7 +110,9 @@ def watch(
                 found = found.update(new[-1], str(path), condition=condition)
                 found.save(target[0])  # at once: what comes after may be interrupted
     if report is not None:
-        write_report(found, report, title=source.stem if output is None else output.stem, static=static)
+        title = source.stem if output is None else output.stem
+        with telling(console) as progress:
+            write_report(found, report, title=title, static=static, progress=progress)
     alarm = any(one.drifted or one.refuted is not None for one in found.history[before:])
     faults = [fault for frf in new for fault in all_faults(frf)]
     code = screen.exit_code(

@@ -93,9 +93,9 @@ class PriorChoice:
     )
     passive: str | None = key(
         text(listed("identification", "PASSIVE_NAMES")),
-        help="Prior: a physical property of the whole plant in the place of a gain bound, with a decay. Positive real: impedance,"
+        help="Prior: a physical property of the whole plant in the place of a gain bound, with a decay. 'positive real': impedance,"
         " velocity per force at the same points (modes and real poles take only what is passive; over decades they can be chosen);"
-        " negative imaginary: displacement per force; bounded real: scattering parameters. Without a decay it is chosen.",
+        " 'negative imaginary': displacement per force; 'bounded real': scattering parameters. Without a decay it is chosen.",
         flag="--passive",
         text=_spelled,
     )

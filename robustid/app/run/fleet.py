@@ -99,7 +99,7 @@ def run_fleet(
         named = {row.name for row in rows}
         found = dataclasses.replace(found, left=tuple(one.name for one in items if one.name not in named))
     write_table(table, rows)
-    write_report(found, folder / PAGE, static=static)
+    write_report(found, folder / PAGE, static=static, progress=progress)
     return found
 
 

@@ -252,7 +252,7 @@ def run(
     with around.stops.listening():
         result = _result(asked, path, folder, kept, around, force)
     around.say("writing the report")
-    kept.finish(result)
+    kept.finish(result, told)
     return result
 
 

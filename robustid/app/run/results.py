@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from robustid.advice import Content, Diagnosis
 from robustid.app.run.run_file import RunFile
 from robustid.controllers import ControllerDesign
-from robustid.core import Choice, Frozen, Savable, Unfinished
+from robustid.core import Choice, Frozen, Progress, Savable, Unfinished
 from robustid.data import Undoing
 from robustid.errors import Status
 from robustid.guarantees import Band, Coverage, Family, Judgement, LoopBounds, WorstCaseError, WorstCaseOverPoles
@@ -141,12 +141,19 @@ class IdentifiedReduced(Frozen):
         help = [] if self.diagnosis is None else [self.diagnosis.summary()]
         return "\n".join([*unfinished_words(self.unfinished), *self.findings, *help, "", self.identification.summary()])
 
-    def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str | None = None,
+        static: bool = False,
+        progress: Progress | None = None,
+    ) -> None:
         """Write the page of everything, with the run file in it; see `write_report`."""
         from robustid.report import Parts, write_report
 
         title, parts = title or self.run_file.title, self._parts | Parts(run_file=self.run_file.text())
-        write_report(self.identification, path, title=title, static=static, **parts)
+        write_report(self.identification, path, title=title, static=static, progress=progress, **parts)
 
     def first_screen(self) -> Document:
         """Return the head of the page."""
@@ -250,13 +257,20 @@ class FamilyRun(Frozen):
             ]
         )
 
-    def report(self, path: str | os.PathLike[str], *, title: str | None = None, static: bool = False) -> None:
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str | None = None,
+        static: bool = False,
+        progress: Progress | None = None,
+    ) -> None:
         """Write the page of the family, with the run file in it; nothing where there is none."""
         from robustid.report import Parts, write_report
 
         if self.family is not None:
             title, parts = title or self.run_file.title, self._parts | Parts(run_file=self.run_file.text())
-            write_report(self.family, path, title=title, static=static, **parts)
+            write_report(self.family, path, title=title, static=static, progress=progress, **parts)
 
     def first_screen(self) -> Document:
         """Return the head of the page; without a family the worst finding about a member."""

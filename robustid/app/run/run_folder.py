@@ -168,7 +168,7 @@ class RunFolder:
         now = (bands, structure, asked.limits, as_goal(asked.goal))
         return found if fingerprint(before) == fingerprint(now) else None
 
-    def finish(self, result: IdentifiedReduced | FamilyRun) -> None:
+    def finish(self, result: IdentifiedReduced | FamilyRun, progress: Progress | None = None) -> None:
         """Keep everything that isn't kept yet; of members that refute the class the sentences."""
         self.choices(result.run_file)
         self._text(_SUMMARY, result.summary() + "\n")
@@ -190,7 +190,7 @@ class RunFolder:
         if result.unfinished is not None and result.unfinished.interrupted:  # nobody waits for a drawing after Ctrl-C
             (self.folder / _PAGE).unlink(missing_ok=True)
             return
-        result.report(self.folder / _PAGE, static=self.static)
+        result.report(self.folder / _PAGE, static=self.static, progress=progress)
         if result.unfinished is None:
             self._clear()
 
