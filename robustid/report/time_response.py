@@ -208,7 +208,14 @@ def identified_time(identification: Identification, models: Models = None) -> Ch
 def tube_section(identification: Identification, tube: ResponseTube) -> list[Block]:
     """Build the section of the response in time, with its certificates."""
     checked("tube", tube, ResponseTube, "response_tube", identification)
-    count = len(tube.certificates) + len(tube.parameters.certificates)
+    count = 2 * tube.solved + len(tube.parameters.certificates)
+    proved = (
+        "The range is proved at the samples with triangles, which consistent systems reach; between them it is interpolated"
+        " for the eye."
+        if tube.solved == tube.samples.size
+        else "The range is proved at every sample: by semidefinite programs where there are triangles, which consistent systems"
+        " reach, elsewhere by sums of the measurements, which are wider."
+    )
     return [
         Heading("Guaranteed response in time"),
         Text(tube_sentence(tube), id="tube-sentence"),
@@ -216,8 +223,7 @@ def tube_section(identification: Identification, tube: ResponseTube) -> list[Blo
         Facts(tube_rows(tube)),
         Drawing(tube_chart(tube), titled=True),
         Text(
-            "The range is proved at the samples with triangles, which consistent systems reach; between them it is interpolated"
-            " for the eye. Records from zero initial conditions are shown if their input is this one, or a multiple of it.",
+            f"{proved} Records from zero initial conditions are shown if their input is this one, or a multiple of it.",
             "soft",
         ),
     ]
