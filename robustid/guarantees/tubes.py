@@ -266,11 +266,12 @@ class ResponseTube(Frozen, Drawable):
         """The result in plain text."""
         worst, problem = int(np.argmax(self.error_upper)), self.identification.problem
         share = "every sample" if self.complete else f"{self.samples.size} of {self.u.size} samples"
-        by_sums = self.samples.size - self.solved
+        by_sums, reached = self.samples.size - self.solved, self.error_lower[worst]
+        attained = f" (attained there: {reached:.4g})" if reached > 0 else ""
         lines = [
             f"guarantee  every consistent system's response to the {self.input} input{which(problem, self.entry)} stays within"
             f" {self.error_upper.max():.4g} of the model at {share}",
-            f"           worst at {self.times[worst]:.5g} s (attained there: {self.error_lower[worst]:.4g})",
+            f"           worst at {self.times[worst]:.5g} s{attained}",
             f"peak       |y| <= {self.peak:.4g}, |y - model| <= {self.error_peak:.4g} over the whole horizon of"
             f" {self.u.size * problem.dt:.5g} s",
         ]

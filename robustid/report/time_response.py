@@ -295,14 +295,14 @@ def tube_sentence(tube: ResponseTube) -> str:
         "impulse": f"a pulse of {input_.name}, {amount} for one sample,",
     }
     worst = int(np.argmax(tube.error_upper))
-    within, reached = at_most(tube.error_upper[worst]), at_least(tube.error_lower[worst])
+    within, reached = at_most(tube.error_upper[worst]), _with_unit(at_least(tube.error_lower[worst]), tube)
+    found = f"; one of {reached} is reached there." if tube.error_lower[worst] > 0 else "."
     where = "at every sample" if tube.complete else f"at {tube.samples.size} of the {tube.u.size} samples"
     return (
         f"{about(tube.identification)}From zero initial conditions, every plant that agrees with the data and the assumptions"
         " answers"
         f" {signals.get(tube.input, 'the given ' + input_.name)} within {_with_unit(within, tube)} of the model, {where} until"
-        f" {number(problem.dt * (tube.u.size - 1))} s. The largest error is possible at {number(tube.times[worst])} s; one of"
-        f" {_with_unit(reached, tube)} is reached there."
+        f" {number(problem.dt * (tube.u.size - 1))} s. The largest error is possible at {number(tube.times[worst])} s{found}"
     )
 
 
