@@ -8,8 +8,8 @@ With a folder, what examples have bounded is kept there, and taken from there th
 import argparse
 import contextlib
 import dataclasses
-import importlib
 import io
+import runpy
 import sys
 import tempfile
 import time
@@ -24,6 +24,7 @@ from robustid.core import one_thread
 from robustid.guarantees import response_tube
 
 BAR = 5.0  # CPU s
+EXAMPLES_FOLDER = Path(__file__).parent.parent / "examples"
 EXAMPLES = {
     "worst_case": [],
     "proved_band": [],
@@ -44,7 +45,7 @@ MATRICES = ("2879 lines", "beam 2x2", "mirror 3x3", "28x2")
 def of_example(name):
     """All that an example bounds."""
     if name.endswith(".toml"):
-        run = rid.run(Path(__file__).parent.parent / "examples" / name, tempfile.mkdtemp())
+        run = rid.run(EXAMPLES_FOLDER / name, tempfile.mkdtemp())
         return [one for one in (run.worst_case, run.band) if one is not None]
     found, kept = [], {}
     for call in ("worst_case_error", "band", "family"):
@@ -52,7 +53,7 @@ def of_example(name):
         setattr(rid, call, lambda *args, _call=kept[call], **named: found.append(_call(*args, **named)) or found[-1])
     before, sys.argv = sys.argv, [name, *EXAMPLES[name], "--out", tempfile.mkdtemp()]
     try:
-        importlib.import_module(name).main()
+        runpy.run_path(str(EXAMPLES_FOLDER / f"{name}.py"), run_name="__main__")
     finally:
         sys.argv = before
         for call, own in kept.items():

@@ -16,6 +16,7 @@ import robustid as rid
 from robustid.guarantees.refinement import in_order
 
 BETWEEN = 9  # frequency points at which the gap is taken, besides that of the largest error
+PERIOD = 8192  # samples of the excitation of the mirror
 QUIET = 2000  # samples of a sweep before it begins
 PARTS = (1.0, 0.6, 0.3)  # of the way from the middle of the box to its border: the first whose poles are consistent
 
@@ -29,6 +30,7 @@ CASES = {
     "beam_2x2_half": lambda: beam_halves()[0],
     "beam_2x2_other": lambda: beam_halves()[1],
     "beam_2x2_noise": lambda: noisier_beam(3.0),
+    "mirror_3x3_noise": lambda: noisier_mirror(3.0),
     "mirror_3x3_half": lambda: mirror_halves("fsm/train")[0],
     "mirror_3x3_other": lambda: mirror_halves("fsm/train")[1],
 }
@@ -42,6 +44,21 @@ def noisier_beam(times):
         y = record.y + noise * rng.standard_normal(record.y.shape)
         records.append(rid.prepare.decimate(dataclasses.replace(record, y=y), 5))
     return rid.estimate_frf(records).band(8, 70).select(slice(None, None, 8))
+
+
+def noisier_mirror(times):
+    """The response of the mirror from its records with so many times the noise that both periods of each differ by.
+
+    What is added has its spectrum, another one for each period, and its correlation between the outputs.
+    """
+    rng, records = np.random.default_rng(0), []
+    for record in rid.datasets.load("fsm/train"):
+        first, second = record.y.reshape(2, PERIOD, -1)
+        noise = np.fft.rfft((first - second) / np.sqrt(2), axis=0) * np.sqrt(times**2 - 1)
+        turned = [noise * np.exp(2j * np.pi * rng.random((len(noise), 1))) for _ in range(2)]
+        added = np.concatenate([np.fft.irfft(one, PERIOD, axis=0) for one in turned])
+        records.append(dataclasses.replace(record, y=record.y + added))
+    return rid.estimate_frf(records, period=PERIOD).band(500, 1700)
 
 
 def run(name, gap=False):

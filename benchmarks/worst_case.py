@@ -1,6 +1,7 @@
 """Worst-case errors: seconds for n = 44 coefficients, 100 frequencies, 16 directions; one support problem against Clarabel.
 
-Run: OPENBLAS_NUM_THREADS=1 python benchmarks/worst_case.py [--workers 2]
+Run: OPENBLAS_NUM_THREADS=1 python benchmarks/worst_case.py [--workers 2 | --entries]
+With --entries: processor seconds a frequency, 16 directions, of one entry with 25, 50 and 68 lines and of measured ones.
 """
 
 import argparse
@@ -8,6 +9,7 @@ import time
 
 import cvxpy as cp
 import numpy as np
+from band_problems import SWEEPS, one_entry
 
 import robustid as rid
 from robustid.guarantees.consistent_set import consistent_set
@@ -39,10 +41,31 @@ def clarabel(consistent, functional):
     return float(program.value), time.perf_counter() - start
 
 
+def entries():
+    """Print processor seconds a frequency of one entry, the intervals of its parameters included."""
+    found = {f"{lines} lines": rid.identify(one_entry(lines, [77.0], [0.017])[0]) for lines in (25, 50, 68)}
+    found |= {name: SWEEPS[name]() for name in ("motor", "hair dryer", "beam entry", "mirror entry")}
+    for name, result in found.items():
+        lines = result.problem.frequency[0].omega
+        omega = np.linspace(lines.min(), lines.max(), 10)[1:-1]
+        start = time.process_time()
+        error = rid.worst_case_error(result, omega=omega)
+        seconds = (time.process_time() - start) / omega.size
+        gap = float(np.max(1 - error.lower / error.upper))
+        print(
+            f"{name}: n = {result.problem.coefficients}, {seconds:.3f} s a frequency, gap at most {100 * gap:.2g} %",
+            flush=True,
+        )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--entries", action="store_true", help="seconds a frequency of one entry")
     arguments = parser.parse_args()
+    if arguments.entries:
+        entries()
+        return
     stated = problem()
     result = rid.identify(stated)
     omega = np.linspace(0, np.pi / stated.dt, 102)[1:-1]

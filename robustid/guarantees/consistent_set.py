@@ -166,6 +166,8 @@ class ConsistentSet(Frozen):
 
     def contains(self, x: Real, p: Real) -> bool:
         """Return whether some system with these coefficients keeps every sample within its bound: evaluated from the numbers."""
+        if self._supports.surely_inside(x):  # an eighth of the work of the norm
+            return self.data.margin(x, p) <= 1 + 1e-12
         return self._taken(x, p) <= 1 + 1e-12
 
     def _taken(self, x: Real, p: Real) -> float:

@@ -172,18 +172,14 @@ def _equally_spaced(count: int) -> Real:
 
 def _directions(arrays: Arrays, dt: float, most: int | None) -> list[Real]:
     """The directions of every polygon: stated, or equally spaced."""
-    sides, omega = arrays["sides"], arrays["omega"].tolist()
-    if "directions" not in arrays:
-        counts = np.maximum(
-            sides if most is None else np.full(len(omega), most), 3
-        )  # two where the response is real only
-        angles = [directions_at(w, dt, int(count)) for w, count in zip(omega, counts, strict=True)]
-        if not np.array_equal(sides, [a.size for a in angles]):
-            raise ValueError("its polygons do not have the sides of their number of directions")
-        return angles
-    if sides.size != len(omega) or np.any(sides < 2) or arrays["directions"].size != np.sum(sides):
+    sides, omega, stated = arrays["sides"], arrays["omega"].tolist(), arrays.get("directions")
+    if sides.size != len(omega) or np.any(sides < 2) or (stated is not None and stated.size != np.sum(sides)):
         raise ValueError("its directions do not fit to its polygons")
-    angles = np.split(arrays["directions"], np.cumsum(sides)[:-1])
+    # Two where the response is real only; fewer than were asked for where a distance was enough.
+    spaced = [directions_at(w, dt, max(int(count), 3)) for w, count in zip(omega, sides, strict=True)]
+    if stated is None and not np.array_equal(sides, [one.size for one in spaced]):
+        raise ValueError("its polygons do not have the sides of their number of directions")
+    angles = spaced if stated is None else np.split(stated, np.cumsum(sides)[:-1])
     for w, one in zip(omega, angles, strict=True):
         allowed = most is None or np.isin(one, directions_at(w, dt, FINE * most)).all()
         if not (allowed and closes(one, w, dt)):

@@ -6,28 +6,17 @@ import concurrent.futures
 import dataclasses
 import functools
 import itertools
-import logging
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import (
-    Budget,
-    Frozen,
-    Interruptible,
-    Progress,
-    Real,
-    as_kind,
-    as_positive,
-    freeze,
-    one_thread,
-    simulate,
-)
+from robustid.core import Budget, Frozen, Progress, Real, as_kind, as_positive, freeze, one_thread, simulate
 from robustid.errors import InputError
 from robustid.figures import Drawable
-from robustid.guarantees.consistent_set import Extreme, which
+from robustid.guarantees.consistent_set import which
 from robustid.guarantees.curvature import known_part
+from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.nominal import as_nominal
 from robustid.guarantees.outputs import (
     Outputs,
@@ -39,13 +28,11 @@ from robustid.guarantees.outputs import (
     tail_bounds,
 )
 from robustid.guarantees.parameters import ParameterIntervals, parameter_claims, parameter_intervals
-from robustid.guarantees.sweep import spread_order
+from robustid.guarantees.tube_ends import ends_by_sums, extraction_of, little_work, reach_of, solved_ends, sums_of
 from robustid.identification import Identification, SupportCertificate, check_gain, check_sampled
 
 if TYPE_CHECKING:
     import control
-
-_log = logging.getLogger("robustid")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -70,10 +57,11 @@ class ResponseTube(Frozen, Drawable):
         Consistent systems were found whose output is at most the first and at least the second: no tube is narrower. NaN where
         none was verified.
     parameters : ParameterIntervals
-    certificates : tuple of SupportCertificate
-        Of -y_k and of y_k, in turn.
+        Infinite where they were too much work; peaks then stand on sums.
+    certificates : tuple of SupportCertificate or None
+        Of -y_k and of y_k, in turn; None of ends that are proved by sums of the samples, which `verify` makes again.
     gap : float
-        Part of the distance from the centre to which every end was found.
+        Part of the distance from the centre to which every end with a certificate was found.
     entry : (int, int)
         Output and input; the other inputs are 0.
     """
@@ -87,7 +75,7 @@ class ResponseTube(Frozen, Drawable):
     upper: Real
     attained: Real
     parameters: ParameterIntervals
-    certificates: tuple[SupportCertificate, ...]
+    certificates: tuple[SupportCertificate | None, ...]
     gap: float
     entry: tuple[int, int] = (0, 0)
 
@@ -171,7 +159,11 @@ class ResponseTube(Frozen, Drawable):
         return (
             len(self.certificates) == ends.size
             and all(
-                outputs.supports(int(self.samples[k]), 2.0 * side - 1, float(ends[k, side]), certificate, self.entry[0])
+                (2.0 * side - 1) * float(self._sums[side][self.samples[k]]) <= ends[k, side]
+                if certificate is None
+                else outputs.supports(
+                    int(self.samples[k]), 2.0 * side - 1, float(ends[k, side]), certificate, self.entry[0]
+                )
                 for (k, side), certificate in zip(pairs, self.certificates, strict=True)
             )
             and all(claim.verify() for claim in parameter_claims(outputs.consistent, self.parameters))
@@ -182,9 +174,26 @@ class ResponseTube(Frozen, Drawable):
         return consistent_outputs(self.identification, driven(self.u, self.entry, self.identification))
 
     @property
+    def solved(self) -> int:
+        """Number of samples whose ends are proved by semidefinite programs; those of the others are by sums, and wider."""
+        return sum(one is not None for one in self.certificates) // 2
+
+    @functools.cached_property
+    def _extraction(self) -> Extraction:
+        return extraction_of(self.identification, self.entry)
+
+    @functools.cached_property
+    def _sums(self) -> tuple[Real, Real]:
+        """Lower and upper ends over the horizon, (H,) each, by sums of the samples."""
+        return sums_of(self._extraction, self.u)
+
+    @functools.cached_property
     def _reach(self) -> Real:
         """Largest distance of each parameter of the entry from that of the identification, (m,)."""
-        return self._of_entry(self.parameters.reach(self.identification.parameters))
+        reach = self._of_entry(self.parameters.reach(self.identification.parameters))
+        if np.all(np.isfinite(reach)):
+            return reach
+        return reach_of(self._extraction, self._of_entry(self.identification.parameters))
 
     def _of_entry(self, parameters: Real) -> Real:
         """(m,) of parameters (m,), or (m, ny, nu)."""
@@ -257,13 +266,19 @@ class ResponseTube(Frozen, Drawable):
         """The result in plain text."""
         worst, problem = int(np.argmax(self.error_upper)), self.identification.problem
         share = "every sample" if self.complete else f"{self.samples.size} of {self.u.size} samples"
+        by_sums, reached = self.samples.size - self.solved, self.error_lower[worst]
+        attained = f" (attained there: {reached:.4g})" if reached > 0 else ""
         lines = [
             f"guarantee  every consistent system's response to the {self.input} input{which(problem, self.entry)} stays within"
             f" {self.error_upper.max():.4g} of the model at {share}",
-            f"           worst at {self.times[worst]:.5g} s (attained there: {self.error_lower[worst]:.4g})",
+            f"           worst at {self.times[worst]:.5g} s{attained}",
             f"peak       |y| <= {self.peak:.4g}, |y - model| <= {self.error_peak:.4g} over the whole horizon of"
             f" {self.u.size * problem.dt:.5g} s",
         ]
+        if by_sums:
+            lines.append(
+                f"sums       prove {by_sums} of the samples, wider than programs would: state `times`, or a time limit, for these"
+            )
         if self.input == "impulse":
             lines.append(f"l1 norm    of the error, over all time: at most {self.error_l1:.4g}")
         lines.append(
@@ -307,7 +322,8 @@ def response_tube(
     model : control.StateSpace, optional
         Any stable nominal with the dt of the data. Default: that of the identification.
     times : (T,) array, s, optional
-        Sample instants at which the tube is wanted. Default: every sample of up to 60, else 60 spread over the horizon.
+        Sample instants at which the tube is wanted. Default: every sample of up to 60, else 60 spread over the horizon; where these
+        would take longer than some seconds, without a time limit, every sample, few of them by programs and all others by sums.
     gap : float
         Aim for the distance between a proved end and an attained one, relative to the distance from the centre.
     executor : concurrent.futures.Executor, optional
@@ -354,47 +370,23 @@ def response_tube(
     model, gap = as_nominal(model, identification), as_positive("gap", gap)
     outputs = consistent_outputs(identification, driven(u, at, identification))
     budget = Budget(time_limit, progress, "bounding the response")
-    samples, found = _bounded(outputs, at[0], samples, gap, executor, budget)
-    attained = np.array([[-low.attained, high.attained] for low, high in found])
+    spare = None
+    if times is None and time_limit is None and not little_work(outputs, samples.size):
+        sums = sums_of(extraction_of(identification, at), u)
+        ends, spare = ends_by_sums(outputs, at[0], sums, gap, executor, budget), Budget(1e-9)
+    else:
+        ends = solved_ends(outputs, at[0], samples, gap, executor, budget)
     return ResponseTube(
         identification=identification,
         model=model,
         input=kind,
         u=u,
-        samples=samples,
-        lower=np.array([-low.upper for low, _ in found]),
-        upper=np.array([high.upper for _, high in found]),
-        attained=np.where(np.isfinite(attained), attained, np.nan),
-        parameters=parameter_intervals(outputs.consistent),
-        certificates=tuple(end.certificate for pair in found for end in pair),
+        samples=ends.samples,
+        lower=ends.lower,
+        upper=ends.upper,
+        attained=ends.attained,
+        parameters=parameter_intervals(outputs.consistent, budget=spare),
+        certificates=ends.certificates,
         gap=gap,
         entry=at,
     )
-
-
-def _bounded(
-    outputs: Outputs,
-    output: int,
-    samples: NDArray[np.intp],
-    gap: float,
-    executor: concurrent.futures.Executor | None,
-    budget: Budget,
-) -> tuple[NDArray[np.intp], list[tuple[Extreme, Extreme]]]:
-    """The samples that were bounded within a budget, at least one, in their order, and their ends."""
-    order = spread_order(samples.size) if np.isfinite(budget.left) else range(samples.size)
-    work = functools.partial(_ends, outputs, output, gap)
-    found: dict[int, tuple[Extreme, Extreme]] = {}
-    bounded = (map if executor is None else executor.map)(work, samples[list(order)].tolist())
-    with Interruptible(lambda: bool(found)) as sweep:
-        for k, pair in zip(order, bounded, strict=False):
-            found[k] = pair
-            budget.tell(len(found), samples.size)
-            if budget.over:
-                break
-    if sweep.interrupted:
-        _log.warning("interrupted: %d of %d samples are finished, and returned", len(found), samples.size)
-    return samples[sorted(found)], [found[k] for k in sorted(found)]
-
-
-def _ends(outputs: Outputs, output: int, gap: float, sample: int) -> tuple[Extreme, Extreme]:
-    return outputs.extreme(sample, -1.0, gap, output), outputs.extreme(sample, 1.0, gap, output)

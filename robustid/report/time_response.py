@@ -208,7 +208,14 @@ def identified_time(identification: Identification, models: Models = None) -> Ch
 def tube_section(identification: Identification, tube: ResponseTube) -> list[Block]:
     """Build the section of the response in time, with its certificates."""
     checked("tube", tube, ResponseTube, "response_tube", identification)
-    count = len(tube.certificates) + len(tube.parameters.certificates)
+    count = 2 * tube.solved + len(tube.parameters.certificates)
+    proved = (
+        "The range is proved at the samples with triangles, which consistent systems reach; between them it is interpolated"
+        " for the eye."
+        if tube.solved == tube.samples.size
+        else "The range is proved at every sample: by semidefinite programs where there are triangles, which consistent systems"
+        " reach, elsewhere by sums of the measurements, which are wider."
+    )
     return [
         Heading("Guaranteed response in time"),
         Text(tube_sentence(tube), id="tube-sentence"),
@@ -216,8 +223,7 @@ def tube_section(identification: Identification, tube: ResponseTube) -> list[Blo
         Facts(tube_rows(tube)),
         Drawing(tube_chart(tube), titled=True),
         Text(
-            "The range is proved at the samples with triangles, which consistent systems reach; between them it is interpolated"
-            " for the eye. Records from zero initial conditions are shown if their input is this one, or a multiple of it.",
+            f"{proved} Records from zero initial conditions are shown if their input is this one, or a multiple of it.",
             "soft",
         ),
     ]
@@ -289,14 +295,14 @@ def tube_sentence(tube: ResponseTube) -> str:
         "impulse": f"a pulse of {input_.name}, {amount} for one sample,",
     }
     worst = int(np.argmax(tube.error_upper))
-    within, reached = at_most(tube.error_upper[worst]), at_least(tube.error_lower[worst])
+    within, reached = at_most(tube.error_upper[worst]), _with_unit(at_least(tube.error_lower[worst]), tube)
+    found = f"; one of {reached} is reached there." if tube.error_lower[worst] > 0 else "."
     where = "at every sample" if tube.complete else f"at {tube.samples.size} of the {tube.u.size} samples"
     return (
         f"{about(tube.identification)}From zero initial conditions, every plant that agrees with the data and the assumptions"
         " answers"
         f" {signals.get(tube.input, 'the given ' + input_.name)} within {_with_unit(within, tube)} of the model, {where} until"
-        f" {number(problem.dt * (tube.u.size - 1))} s. The largest error is possible at {number(tube.times[worst])} s; one of"
-        f" {_with_unit(reached, tube)} is reached there."
+        f" {number(problem.dt * (tube.u.size - 1))} s. The largest error is possible at {number(tube.times[worst])} s{found}"
     )
 
 

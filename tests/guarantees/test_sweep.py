@@ -16,6 +16,7 @@ import pytest
 import robustid as rid
 from robustid.core import Workers
 from robustid.guarantees import sweep
+from robustid.guarantees.consistent_set import consistent_set
 from support.cases import slow
 from support.problems import random_problem
 from support.refusals import refused
@@ -177,6 +178,16 @@ def test_a_finished_folder_answers_everything(result, expected, tmp_path, monkey
     assert np.array_equal(again.upper, expected.upper)
     assert again.certified
     assert calls == [(4, 4)]
+
+
+def test_polygons_with_fewer_sides_than_asked_for_are_taken_from_the_folder(result, tmp_path, monkeypatch):
+    ask = result.model, None, 1, 1e9  # the first four sides are enough
+    means, here = sweep.Means(resume=tmp_path), consistent_set(result)
+    first = sweep.value_sets(here, np.array(OMEGA), 8, 0.1, means, *ask)
+    monkeypatch.setattr(sweep, "value_sets_at", none_left)
+    again = sweep.value_sets(here, np.array(OMEGA), 8, 0.1, means, *ask)
+    assert [v.directions.size for v in again] == [4, 4, 4, 4]
+    assert [v.support.tolist() for v in again] == [v.support.tolist() for v in first]
 
 
 def test_an_interrupted_sweep_goes_on(result, expected, tmp_path, monkeypatch):

@@ -19,8 +19,9 @@ from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.taylor_columns import ShiftColumns
 from robustid.identification.solver.cones import Cones, Pair
 from robustid.identification.solver.interior_point import center, factored, path, path_from, start
-from robustid.identification.solver.newton import Iterate, Limits, Program, State
+from robustid.identification.solver.newton import Iterate, Limits, Program, State, cholesky
 
+_ROOM = 1e-8  # of a ball of radius 1: far more than what its quick blocks differ by
 _LAST = 1e-10  # relative gap at which a path ends: digits run out soon after
 _FEW = 2**14  # entries up to which products with stored columns are two to six times as quick as transforms (measured)
 
@@ -182,6 +183,16 @@ class Supports:
             yield Step(candidate, value, gap, place)
             if gap < _LAST * max(abs(value), size):
                 return
+
+    def surely_inside(self, x: Real) -> bool:
+        """Return whether the blocks of the ball at x are positive definite by more than what rounding makes of them."""
+        ball, x = self._first.program.ball, x if self._data.axes is None else self._data.axes.T @ x
+        try:
+            for A in ball.matrices(x):
+                cholesky(A + (1 - _ROOM) * np.eye(len(A)))
+        except np.linalg.LinAlgError:
+            return False
+        return True
 
     @staticmethod
     def _state(first: State, near: Place | None, size: float) -> State:
