@@ -42,8 +42,10 @@ from robustid.guarantees import told_apart_of
 
 _log = logging.getLogger("robustid")
 
+_DOUBLE = 1 - 1e-6  # damping of a pair from which on it is a double real pole but for rounding
+_SLOWER = 1e-3  # times the lowest frequency point: a real pole there is 1/s at all points
 _FASTER, _FASTEST = 30.0, 300.0  # times the highest frequency point: for a real pole over decades, and for one more
-_BEYOND = 2.0  # times the highest frequency point: a pole is no mode there, but the slope of what is below
+_BEYOND = 2.0  # times the highest frequency point, or so far below the lowest: a pole is no mode there, but a slope
 _TWICE = 2  # a real pole of a process: errors of its place do not matter to first order
 
 
@@ -238,6 +240,9 @@ def suggest_kautz(
             if (slow := slow_poles(frf, fixed_delay)) is not None:
                 return _of_process(fit, slow, repeat)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
+    below = omega < lowest / _BEYOND  # one pair may be a suspension; several, or nothing else, are a slope
+    if decades is not None and below.any() and (below.all() or below.sum() > 1):
+        return _of_decades(fit, decades, lowest, repeat)
     if not step and wanted is None and np.any(far := omega > _BEYOND * frf.omega[-1]):
         edges[far] = np.stack([omega[far], damping[far]], axis=1)[:, :, None]
         reason += (
@@ -299,10 +304,13 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
     # The fastest one stands for the constant, which no other pole has; one that is faster than the last for a straight line.
     fast = (found.omega >= _FASTER * top) & (found.damping == 1)
     one = np.arange(found.omega.size) == np.argmax(fast)  # of several, of which the points see the same straight line
-    omega = np.append(np.minimum(found.omega, _FASTER * top)[~fast | one], _FASTEST * top)
+    slow = (found.omega < _SLOWER * lowest) & (found.damping == 1)  # likewise of 1/s, which has no place either
+    one |= slow & (np.arange(found.omega.size) == np.argmax(slow))
+    kept = ~(fast | slow) | one
+    omega = np.append(np.clip(found.omega[kept], _SLOWER * lowest, _FASTER * top), _FASTEST * top)
     order = np.argsort(omega)
-    omega, damping = omega[order], np.append(found.damping[~fast | one], 1.0)[order]
-    pair = damping < 1
+    omega, damping = omega[order], np.append(found.damping[kept], 1.0)[order]
+    pair = damping < _DOUBLE
     ends = np.array([[max(lowest, 1e-6 * top) / BELOW, 2 * top], [1.0, 1.0]])
     edges, level, reached = np.tile(ends, (order.size, 1, 1)), np.ones(order.size), np.ones(order.size, bool)
     share, linear = np.ones(order.size), np.full((order.size, 2, 2), np.nan)

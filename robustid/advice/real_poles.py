@@ -7,7 +7,9 @@ import logging
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from robustid.advice.pole_fit import DAMPING
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
 from robustid.estimation import PoleFit, most_delay
@@ -98,7 +100,7 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
         if best.largest <= 1:
             break
         _, (poles,) = fit.search(order, np.zeros(1))
-        found = _left(fit, poles)
+        found = _left(fit, poles := poles[~_needles(fit, poles)])
         if frf.dt is None and found.largest > 1:
             found = _descended(fit, poles, found)
         gain = best.left - found.left
@@ -110,15 +112,26 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
     return best
 
 
+def _needles(fit: PoleFit, poles: Complex) -> NDArray[np.bool_]:
+    """True of pairs as light as no mode of a class: they stand on a point and explain it alone, whatever it is."""
+    s = _exponents(fit, poles)
+    return (np.imag(poles) != 0) & (-s.real < DAMPING[0] * np.abs(s))
+
+
+def _exponents(fit: PoleFit, poles: Complex) -> Complex:
+    return np.asarray(poles * fit.omega[-1] if fit.dt is None else np.log(poles + 0j) / fit.dt, dtype=complex)
+
+
 def _descended(fit: PoleFit, poles: Complex, before: RealPoles) -> RealPoles:
     """The poles after a descent from there, where it leaves less: what rises like s has its pole far beyond the points."""
-    found = _left(fit, fit.refine(0.0, poles, held=True).poles)
+    refined = fit.refine(0.0, poles, held=True).poles
+    found = _left(fit, refined[~_needles(fit, refined)])
     return found if found.left < before.left and np.all(found.damping > 0) else before
 
 
 def _left(fit: PoleFit, poles: Complex) -> RealPoles:
     left = np.abs(fit.residuals(poles))
-    s: Complex = np.asarray(poles * fit.omega[-1] if fit.dt is None else np.log(poles + 0j) / fit.dt, dtype=complex)
+    s = _exponents(fit, poles)
     return RealPoles(
         np.abs(s), np.where(np.imag(poles) == 0, 1.0, -s.real / np.abs(s)), float(np.sum(left**2)), float(left.max())
     )

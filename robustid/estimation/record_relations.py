@@ -140,9 +140,8 @@ def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
         f"one model of the records leaves {percent(compared.together)} of it, models of each {percent(compared.alone)}"
     )
     limit = max(RATIO * compared.alone, min(LEAST, plain / RATIO))
-    if rest < limit and gain != 0:
-        usual = [one for one in _UNITS if abs(abs(gain) * one - 1) < _SAME]
-        factor = float(np.copysign(usual[0] if usual else float(f"{1 / abs(gain):.4g}"), gain))
+    if gain != 0 and (factor := _exact(gain) if rest < limit else _joining(signals, odd, gain, base)):
+        gain = gain if rest < limit else 1 / factor
         if factor == -1:
             words = f"{where} has the opposite sign of that of {against}"
             return [Fault(FaultKind.SIGN, words, evidence, "negate", where, odd + 1, -1.0)]
@@ -155,6 +154,27 @@ def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
         " operation; estimate the response of each record alone"
     )
     return [Fault(FaultKind.OTHER_PLANT, words, evidence, "", where, odd + 1, float(np.sqrt(compared.together)))]
+
+
+def _exact(gain: float) -> float:
+    """Factor that undoes a gain: that of a unit where it is one."""
+    usual = [one for one in _UNITS if abs(abs(gain) * one - 1) < _SAME]
+    return float(np.copysign(usual[0] if usual else float(f"{1 / abs(gain):.4g}"), gain))
+
+
+def _joining(signals: list[Signals], odd: int, gain: float, base: Fitted) -> float:
+    """Factor with which a record is one of the others, by what a model of all leaves; 0 where none is.
+
+    Of a plant of several inputs the others may predict a record poorly, and its gain: that of a unit nearby is tried first.
+    """
+    near, one = min(_UNITS, key=lambda unit: abs(np.log(abs(gain) * unit))), signals[odd]
+    for factor in (float(np.copysign(near, gain)), _exact(gain)):
+        if factor == 1:
+            continue
+        joined = compared_parts([*signals[:odd], one._replace(y=factor * one.y), *signals[odd + 1 :]], base)
+        if joined is not None and not joined.different:
+            return factor
+    return 0.0
 
 
 def _by_others(compared: Compared, k: int) -> tuple[float, float, float]:

@@ -15,7 +15,8 @@ from robustid.estimation.local_models import unlikely
 from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
 
-_CHANCE = 1e-4  # of a false alarm, over all places of all entries
+_CHANCE = 1e-4  # of a false alarm, over all places of all entries,
+_OF_JUMP = 1e-3  # and of one at a jump, which two criteria have to show
 _ORDERS = (4, 6, 8, 12, 16, 20)
 _A_POLE, _FEWEST, _MOST = 6, 48, 2000  # lines; and lines of all entries
 _AS_GOOD, _UNCERTAIN = (
@@ -24,6 +25,7 @@ _AS_GOOD, _UNCERTAIN = (
 )  # times the noise that local models find, and deviations of it: the model is one of the whole entry
 _STEPS = 40  # of least squares, after the poles are relocated: what relocation leaves is not noise
 _EDGE = 6  # lines on either side of a jump
+_NEAR = 2  # lines beside the most likely place of a jump, where it may be as well
 _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
 _QUIET = 12.0  # of chi-squared of a line beside, which a mode of some width would move too
@@ -260,29 +262,34 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
     omega, lines, entries = frf.omega, frf.omega.size, frf.values[0].size
     if not models or lines < 4 * _EDGE:
         return None
-    limit = 2 * float(np.log(2 * lines * len(models) / _CHANCE))
+    limit = 2 * float(np.log(2 * lines * len(models) / _OF_JUMP))
     seen = {
         k: [_steps(one, change) for change in (1.0 + 0 * omega, 1j * omega / omega[-1])] for k, one in models.items()
     }
     each = {k: np.maximum(gain[0], delay[0]) for k, (gain, delay) in seen.items()}
     evidence = np.sum([np.where(one > limit, one, 0) for one in each.values()], axis=0)
-    upper = int(np.argmax(evidence))
-    if evidence[upper] <= 0:
-        return None
-    factors, size = np.ones(entries, complex), 0.0
-    for k, one in models.items():
-        if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
-            continue
-        (gained, gain), (_, delay) = seen[k]
-        if gained[upper] == each[k][upper]:
-            change = 1 + gain[upper] + 0j * omega
-        else:
-            change = np.exp(1j * delay[upper] * omega / omega[-1])
-        own = complex(change[upper])
-        most = min(np.abs(one.values[:upper]).max(), np.abs(one.values[upper:]).max())  # of either part
-        if np.abs(own - 1) * most > _PART and not of_resonance(own) and _is_needed(_entry(frf, k), change, upper):
+    most = int(np.argmax(evidence))
+    beside = np.arange(max(most - _NEAR, 0), min(most + _NEAR + 1, lines))
+    for upper in beside[np.argsort(-evidence[beside], kind="stable")].tolist():
+        if evidence[upper] <= 0:
+            return None
+        factors, size = np.ones(entries, complex), 0.0
+        for k, one in models.items():
+            if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
+                continue
+            (gained, gain), (_, delay) = seen[k]
+            if gained[upper] == each[k][upper]:
+                change = 1 + gain[upper] + 0j * omega
+            else:
+                change = np.exp(1j * delay[upper] * omega / omega[-1])
+            own = complex(change[upper])
+            largest = min(np.abs(one.values[:upper]).max(), np.abs(one.values[upper:]).max())  # of either part
+            if np.abs(own - 1) * largest <= _PART or of_resonance(own) or not _is_needed(_entry(frf, k), change, upper):
+                continue
             factors[k], size = own, max(size, float(np.abs(own - 1) * np.abs(one.values[upper - 1 : upper + 1]).mean()))
-    return Jump(upper, factors, size) if size > 0 else None
+        if size > 0:
+            return Jump(upper, factors, size)
+    return None
 
 
 def _is_needed(one: FrequencyResponse, change: Complex, upper: int) -> bool:
@@ -291,7 +298,7 @@ def _is_needed(one: FrequencyResponse, change: Complex, upper: int) -> bool:
     without = dataclasses.replace(one, values=one.values / by[:, None, None])
     simpler, plain = (_of_least_criterion(each, True)[0] for each in (without, one))
     numbers = 2 * change.size
-    clearly = 2 * float(np.log(numbers) + np.log(numbers / _CHANCE))  # a number more, sought at all places
+    clearly = float(np.log(numbers) + 2 * np.log(numbers / _OF_JUMP))  # one number more, sought at all places
     return simpler is not None and plain is not None and simpler.criterion + clearly < plain.criterion
 
 

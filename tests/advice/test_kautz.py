@@ -1,5 +1,8 @@
 """Modes from a frequency response: intervals that hold the truth, and that a conic solver confirms."""
 
+import os
+from pathlib import Path
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -306,6 +309,29 @@ def test_a_cell_with_the_inductance_of_its_leads_keeps_its_relaxations(seed):
     assert np.abs(np.log(real * 0.05)).min() < 0.05
     assert np.abs(np.log(real * 3e-4)).min() < 0.05
     assert np.all(np.diff(np.sort(real)) > 0)  # of several far poles one stands for the straight line
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 10))])
+def test_points_that_are_off_get_no_pair_of_no_width_over_decades(seed):
+    """Pairs on such points explain them to rounding; in a class they have no place, and a pole at zero neither."""
+    rng, omega = np.random.default_rng(seed), np.geomspace(250, 63000, 60)
+    s = 1j * omega
+    values = 0.5 + 30 * (1 + 300 / s) / (1 + s / 3000) + 1.4e-3 * s / (1 + s / 4e5)
+    off = 0.15 * rng.choice([0, 1], p=[0.9, 0.1], size=60) * np.exp(2j * np.pi * rng.random(60))
+    found = suggest_kautz(rid.FrequencyResponse(omega, values * (1 + off), bound=0.05 * np.abs(values)))
+    assert np.all(found.damping >= 1e-5)
+    assert np.all(found.omega >= 1e-3 * omega[0])
+
+
+@pytest.mark.realdata
+@pytest.mark.skipif(not os.environ.get("ROBUSTID_DATA"), reason="ROBUSTID_DATA names no folder of measured data")
+def test_pairs_far_below_all_points_of_a_measured_impedance_are_no_modes():
+    """Pairs of next to no damping around 2.2 Hz followed the slope of a sweep from 40 Hz to 10 kHz; no solver followed them."""
+    with np.load(Path(os.environ["ROBUSTID_DATA"]) / "converter_dq" / "load_impedance.npz") as data:
+        omega, values = data["omega"], data["values"][:, :1, :1]
+    found = suggest_kautz(rid.FrequencyResponse(omega, values, bound=0.05 * np.abs(values)))
+    assert found.omega.size > 1
+    assert np.all((found.damping == 1) | (found.omega > omega[0] / 2))
 
 
 def test_what_rises_towards_the_highest_points_is_a_choice_without_an_interval():

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.estimation.record_parts import Signals, fit
+from robustid.estimation.record_relations import _joining
 from support.fault_catalogue import changed
-from support.fault_judge import CATALOGUE, found_faults
-from support.fault_plants import SIMULATED, recipes, record, records, simulated
+from support.fault_judge import CATALOGUE, found_faults, judged
+from support.fault_plants import SIMULATED, measured, recipes, record, records, simulated
+from support.measured import realdata
 from support.pairwise import every_one
 
 ARM = simulated("arm")
@@ -106,3 +109,28 @@ def test_clean_records_of_many_seeds_are_told_nothing():
         (name, seed, fault) for name in SIMULATED for seed in seeds for fault in found_faults(simulated(name, seed))
     ]
     assert [(name, seed, str(fault)) for name, seed, fault in found if fault.kind in RELATIONS] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "guess", "factor"),
+    [
+        ("one record with the sign turned", -1.11, -1.0),
+        ("one record in another unit", 1112.0, 1e-3),
+        ("another plant", 1.2, 0.0),
+    ],
+)
+def test_a_record_joins_the_others_by_the_factor_that_undoes_its_fault_alone(name, guess, factor):
+    """Others of several inputs may predict a record, and its gain, poorly; of another plant no factor makes it one of them."""
+    found = CATALOGUE[f"{name} (periodic)"].of(ARM, "clear", np.random.default_rng(5))
+    signals = [Signals(one.u, one.y[:, 0], True) for one in found.records]
+    odd = 1 if name == "another plant" else 0
+    assert _joining(signals, odd, guess, fit(signals[:1], ())) == factor
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["one record with the sign turned (periodic)", "one record in another unit (periodic)"]
+)
+@pytest.mark.parametrize("plant", [pytest.param("mirror", marks=realdata)])
+def test_a_record_of_the_mirror_is_named_with_the_correction(name, plant):
+    assert judged(CATALOGUE[name], measured(plant), "clear").outcome == "named"

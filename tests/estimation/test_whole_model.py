@@ -10,6 +10,7 @@ from robustid.core import responses
 from robustid.data import joint_radius
 from robustid.estimation.whole_model import WholeModel, odd_lines
 from support.cases import slow
+from support.fault_judge import CATALOGUE, faulty_of
 from support.fault_plants import SIMULATED, simulated
 
 CLEAN = {name: simulated(name).response for name in SIMULATED}
@@ -115,3 +116,14 @@ def test_a_mode_narrower_than_the_lines_are_apart_is_no_fault(seeds):
         bound = 0.01 * np.abs(values) + 1e-3 * np.median(np.abs(values), axis=0)
         values = values + bound * np.sqrt(rng.random(bound.shape)) * np.exp(2j * np.pi * rng.random(bound.shape))
         assert told(rid.FrequencyResponse(omega, values[:, :, None], bound=bound[:, :, None], dt=dt)) == []
+
+
+@pytest.mark.slow
+def test_most_seams_of_five_percent_are_named_in_sixty_points_of_a_process_and_none_of_clean_ones():
+    named = 0
+    for seed in range(40):
+        clean = simulated("heater", seed)
+        faulty = faulty_of(CATALOGUE["seam"], clean, "limit").response
+        named += "seam" in [fault.kind for fault in rid.prepare.response_faults(faulty)]
+        assert rid.prepare.response_faults(clean.response) == (), seed
+    assert named >= 20
