@@ -15,11 +15,13 @@ a + b C is that of the polygon of all :math:`a + (b + v) C`: two convex sets are
 
 which is exact, too; |P S| is bounded in the disc about the hull. Values outside of a disc, ``|F - c| >= r``, of plants that may be
 infinite at a frequency, keep off the same where :math:`r |C| \ge |a + (b + c) C| + |q C| + w`, exactly. Of matrices
-:math:`F = c + \Delta D` with :math:`\|\Delta\| \le r`, and the same with singular values follows from
+:math:`F = (V + \Delta U)^{-1} (V c + \Delta T)`, with U = 0 and V = I where F is finite, and the same with singular values
+follows, after multiplication by the first factor, from
 
-.. math:: \underline\sigma(a + b C) \ge \textstyle\sum_k \|Q_k C\| + w,
+.. math:: \underline\sigma(V (a + c\, C)) \ge \textstyle\sum_k \|Q_k C + A_k\| + w \|V + \Delta U\|,
 
-where S, T and the bandwidth are exact but for that; ``|C S|`` and ``|P S|`` are bounded by products of norms.
+where Q and A bound what :math:`\Delta (T C + a U)` adds: with the norm of Delta, or of one row the sum of its entries, which is
+exact where U = 0. ``|C S|`` and ``|P S|`` are bounded by products of norms.
 """
 
 from __future__ import annotations
@@ -47,9 +49,14 @@ Indices = NDArray[np.intp]
 class Discs(NamedTuple):
     """Values of all consistent plants at frequencies: centres (F, ny, nu), radii (F,) and units of the inputs (F, nu).
 
-    All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius. Of one input and
+    All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius; where several
+    matrices `adds` are given for one row, with entries of at most the radius. Of one input and
     one output they are within `around` of the hull of ``centre + corners``, too: that of 0 alone where nothing else is known; or,
     where `outside`, at least the radius away from the centre, and perhaps infinite. `plant` is one of them.
+
+    Of matrices they are quotients, ``(V + E)^-1 (V centre + G)`` with V = `under`, and what is unknown adds to ``V + E + (V centre + G) C`` at
+    most the sum of the norms of ``adds C + shifts``; where `outside` is true of a matrix this alone is known, and the centre is
+    that of the plant.
     """
 
     omega: Real
@@ -60,21 +67,39 @@ class Discs(NamedTuple):
     around: Real  # (F,)
     outside: NDArray[np.bool_]  # (F,)
     plant: Complex
+    under: Complex  # (F, ny, ny)
+    adds: Complex  # (F, k, nu, nu)
+    shifts: Complex  # (F, k, nu, ny)
 
     @classmethod
-    def of(cls, omega: Real, centre: Complex, radius: Real, units: Real) -> Discs:
-        """Discs alone."""
-        nowhere = np.zeros(omega.size, dtype=bool)
-        return cls(omega, centre, radius, units, np.zeros((omega.size, 1), complex), radius, nowhere, centre)
+    def of(cls, omega: Real, centre: Complex, radius: Real, units: Real, *, entries: bool = False) -> Discs:
+        """Discs alone; of one row those of its entries."""
+        F, ny, nu = centre.shape
+        sizes: Complex = (radius[:, None] * units)[:, :, None] * np.eye(nu, dtype=complex)
+        adds = sizes[:, :, None, :] * np.eye(nu)[:, :, None] if entries else sizes[:, None]
+        return cls(
+            omega,
+            centre,
+            radius,
+            units,
+            np.zeros((F, 1), complex),
+            radius,
+            np.zeros(F, dtype=bool),
+            centre,
+            np.tile(np.eye(ny, dtype=complex), (F, 1, 1)),
+            adds,
+            np.zeros((F, adds.shape[1], nu, ny), complex),
+        )
 
     @classmethod
     def together(cls, parts: Sequence[Discs]) -> Discs:
         """Sets of several plants, one after the other."""
-        most = max(one.corners.shape[1] for one in parts)
-        rows = [
-            one._replace(corners=np.pad(one.corners, ((0, 0), (0, most - one.corners.shape[1])), mode="edge"))
-            for one in parts
-        ]
+        most, terms = (max(getattr(one, name).shape[1] for one in parts) for name in ("corners", "adds"))
+        rows: list[Discs] = []
+        for one in parts:
+            more = (0, 0), (0, terms - one.adds.shape[1]), (0, 0), (0, 0)
+            corners = np.pad(one.corners, ((0, 0), (0, most - one.corners.shape[1])), mode="edge")
+            rows.append(one._replace(corners=corners, adds=np.pad(one.adds, more), shifts=np.pad(one.shifts, more)))
         return cls(*(np.concatenate(one) for one in zip(*rows, strict=True)))
 
     @property
@@ -96,7 +121,21 @@ class Discs(NamedTuple):
     @property
     def largest(self) -> Real:
         """Bound of the largest singular value, (F,)."""
-        return np.where(self.outside, np.inf, norms(self.centre) + self.radius * self.units.max(axis=1))
+        added = self.radius * (np.linalg.norm(self.units, axis=1) if self.by_entries else self.units.max(axis=1))
+        return np.where(self.outside, np.inf, norms(self.centre) + added)
+
+    @property
+    def by_entries(self) -> bool:
+        """True of one row whose entries are bounded each by itself."""
+        return self.adds.shape[1] > 1
+
+    @property
+    def quotients(self) -> tuple[Real, Real]:
+        """Bounds of the norms of both parts of the quotients, (F,) each: of what is under them, and of what is above."""
+        under, above = norms(self.under), norms(self.under @ self.centre)
+        for k in range(self.adds.shape[1]):
+            under, above = under + norms(self.shifts[:, k]), above + norms(self.adds[:, k])
+        return under, above
 
     @property
     def known_corners(self) -> Complex:
@@ -106,7 +145,13 @@ class Discs(NamedTuple):
 
     @property
     def least(self) -> Real:
-        """Least size of the values of one input and one output, (F,): negative where they may be 0, by how much."""
+        """Least size of the values of one output, (F,): negative where they may be 0, by how much."""
+        if self.shape[1] > 1:
+            sizes = np.abs(self.centre[:, 0])
+            if not self.by_entries:
+                return norms(self.centre) - self.radius * self.units.max(axis=1)
+            left = sizes - self.radius[:, None] * self.units
+            return np.where((left > 0).any(axis=1), np.linalg.norm(np.maximum(left, 0.0), axis=1), left.max(axis=1))
         within = _distance(-self.centre[:, 0, 0], self.corners)[0] - self.around * self.units[:, 0]
         return np.where(self.outside, self.radius * self.units[:, 0] - np.abs(self.centre[:, 0, 0]), within)
 
@@ -117,10 +162,10 @@ class Discs(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
+    """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C + A_k| + w``, at frequencies, each (N, ...).
 
     The polygon, by its corners, is the point 0 where nothing is said; of matrices the distance from it is the smallest singular
-    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C| <= w`` instead. `outside`:
+    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C + A_k| <= w`` instead. `outside`:
     ``|Q C| >= |a + b C - k| + w`` instead at every corner k of the polygon.
     """
 
@@ -128,7 +173,8 @@ class Conditions(NamedTuple):
     place: Indices  # frequency of every one
     a: Complex  # (N, p, q)
     b: Complex  # (N, p, nu)
-    q: Real  # (N, k, nu): diagonals of Q_k
+    q: Complex  # (N, k, nu, nu): Q_k
+    shift: Complex  # (N, k, nu, ny): A_k
     w: Real
     inside: bool = False
     corners: Complex = np.zeros((1, 1), complex)  # (1 or N, corners)
@@ -138,7 +184,7 @@ class Conditions(NamedTuple):
     def at(self, values: Complex) -> tuple[Complex, Real]:
         """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
         C = values[self.place]
-        taken = sum(norms(self.q[:, k, :, None] * C) for k in range(self.q.shape[1]))
+        taken = sum(norms(self.q[:, k] @ C + self.shift[:, k]) for k in range(self.q.shape[1]))
         return self.a + self.b @ C, np.zeros(len(C)) + taken
 
     def excess(self, values: Complex) -> Real:
@@ -173,7 +219,7 @@ class Conditions(NamedTuple):
         """The same for b at each of its corners, or outside for each of those of the polygon, (N, V)."""
         X, taken = self.at(values)
         if self.outside:
-            ahead = np.real(turn[:, 0].conj() * self.q[:, 0] * values[self.place, 0])
+            ahead = np.real(turn[:, 0].conj() * self.q[:, 0, 0] * values[self.place, 0])
             return ahead - np.abs(X[:, 0] - self.corners) - self.w[:, None]
         if X.shape[1:] == (1, 1):
             every = X[:, 0] + self.moved * values[self.place, 0]
@@ -188,7 +234,7 @@ class Conditions(NamedTuple):
 
     def with_corner(self, row: Indices, corner: Indices) -> Conditions:
         """Some of them, each at one of the corners of `at_corners`."""
-        own = {name: getattr(self, name)[row] for name in ("place", "a", "q", "w")}
+        own = {name: getattr(self, name)[row] for name in ("place", "a", "q", "shift", "w")}
         if self.outside:
             shapes = np.broadcast_to(self.corners, (self.place.size, self.corners.shape[1]))[row, corner, None, None]
             own["a"] = own["a"] - shapes
@@ -264,6 +310,7 @@ class _Clear:
         which = np.ones(self.discs.omega.size, dtype=bool) if where is None else where
         shapes = np.zeros((1, 1), complex) if corners is None else corners
         w = np.broadcast_to(np.asarray(size, dtype=float), (int(np.sum(which)),))
+        single = self.discs.shape == (1, 1)
         far = self.discs.outside[which]
         for outside in (False, True) if far.any() else (False,):
             own = far == outside
@@ -272,25 +319,35 @@ class _Clear:
             a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
             a[:] = offset * np.eye(self.ny)
             shape = shapes[own] if len(shapes) > 1 else shapes
+            q, shift = some.adds, offset * some.shifts
+            if single:
+                q = (some.around * some.units[:, 0])[:, None, None, None] + 0j
             if outside and inside:  # the plant may be infinite
-                nothing, zeros = np.full(place.size, -1.0), np.zeros((place.size, 1, 1))
-                self.found.append(Conditions(name, place, 0 * a, 0 * a, zeros, nothing, inside=True))
-            elif outside:
-                q = np.maximum(some.radius[:, None, None] - more, 0.0)
-                self.found.append(Conditions(name, place, a, some.centre, q, w[own], corners=shape, outside=True))
+                nothing = np.full(place.size, -1.0)
+                self.found.append(Conditions(name, place, 0 * a, 0 * some.centre, 0 * q, shift, nothing, inside=True))
+            elif outside and single:
+                q = np.maximum(some.radius - more, 0.0)[:, None, None, None] + 0j
+                self.found.append(
+                    Conditions(name, place, a, some.centre, q, shift, w[own], corners=shape, outside=True)
+                )
             else:
-                q = (some.around[:, None] * some.units)[:, None, :]
+                under = some.quotients[0] if outside else np.ones(place.size)
                 if more:
-                    one = self.discs.shape == (1, 1)
-                    q = q + more if one else np.concatenate([q, np.full(q.shape, more)], axis=1)
-                self.found.append(Conditions(name, place, a, some.centre, q, w[own], inside, shape, some.corners))
+                    least = (more * under)[:, None, None, None] * np.eye(some.shape[1])
+                    q = q + least if single else np.concatenate([q, least], axis=1)
+                    shift = shift if single else np.concatenate([shift, 0 * shift[:, :1]], axis=1)
+                V = some.under
+                self.found.append(
+                    Conditions(name, place, V @ a, V @ some.centre, q, shift, w[own] * under, inside, shape, some.corners)
+                )
 
     def process(self, name: str, which: NDArray[np.bool_], most: float) -> None:
         """|P S| at most a number: exact in the disc of 1/F, or where F may be 0, and of matrices, by its largest value."""
         place = np.flatnonzero(which)
         some = self.discs.at(place)
         if self.discs.shape != (1, 1):
-            self.add(name, which, 1.0, some.largest / most)
+            under, above = some.quotients
+            self.add(name, which, 1.0, above / np.where(some.outside, under, 1.0) / most)
             return
         centre, radius = some.centre[:, 0, 0], some.radius * some.units[:, 0]
         size = np.abs(centre)
@@ -300,13 +357,14 @@ class _Clear:
         room = np.where(nothing, np.maximum(room, np.finfo(float).tiny), room)
         a: Complex = np.where(whole | nothing, centre.conj() / room, 1.0 + 0j)
         b: Complex = np.where(whole | nothing, 1.0 + 0j, centre)
-        q = np.where(whole | nothing, 0.0, radius)
+        q = np.where(whole | nothing, 0.0, radius) + 0j
         w = np.where(whole, 1 / most + radius / np.abs(room), (size + radius) / most)
         w = np.where(nothing, radius / room - 1 / most, w)
         for inside in (False, True) if nothing.any() else (False,):
             own = nothing == inside
-            full = (own, None, None)
-            self.found.append(Conditions(name, place[own], a[full], b[full], q[full], w[own], inside=inside))
+            full, zeros = (own, None, None), np.zeros((int(own.sum()), 1, 1, 1), complex)
+            q_own = q[own, None, None, None]
+            self.found.append(Conditions(name, place[own], a[full], b[full], q_own, zeros, w[own], inside=inside))
 
 
 def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
@@ -354,7 +412,8 @@ def integrators_of(gain: float, discs: Discs) -> Conditions:
     lowest, ny = int(np.argmin(discs.omega)), discs.shape[0]
     w = np.array([(1 + _ABOVE) * gain / discs.omega[lowest]])
     one = np.eye(ny, dtype=complex)[None]
-    return Conditions("integral gain", np.array([lowest]), 0 * one, one, np.zeros((1, 0, ny)), w)
+    none = np.zeros((1, 0, ny, ny), complex)
+    return Conditions("integral gain", np.array([lowest]), 0 * one, one, none, none, w)
 
 
 def _kept_clear(limits: Limits) -> list[Complex]:

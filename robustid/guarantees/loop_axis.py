@@ -187,7 +187,7 @@ class LoopAxis:
     def _of(self, balls: Mapping[str, Balls], top: Real) -> Real:
         sensitivity = balls["sensitivity"]
         found = [balls[name].largest for name in MAPS]
-        found.append(sensitivity.about(np.eye(self.shape[1]) / 2).largest)
+        found.append(sensitivity.about(np.eye(min(self.shape)) / 2).largest)
         if self.shape == (1, 1):
             found += worst_of(sensitivity, top)
         else:
