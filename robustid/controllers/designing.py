@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs, conditions_of, integrators_of
+from robustid.controllers.conditions import conditions_of, integrators_of
+from robustid.controllers.discs import Discs
 from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal
 from robustid.controllers.limits import Limits

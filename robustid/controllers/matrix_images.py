@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.discs import Discs
 from robustid.core import Complex, Real, norms
 from robustid.guarantees import norm_of_bounds
 

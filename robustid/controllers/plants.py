@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.discs import Discs
 from robustid.controllers.images import Chart, discs_of_entry, smallest_sets
-from robustid.controllers.matrix_images import Quotients, discs_of_matrices
 from robustid.controllers.limits import Limits, Template
 from robustid.controllers.loop_gain import largest_reciprocal
+from robustid.controllers.matrix_images import Quotients, discs_of_matrices
 from robustid.core import (
     Complex,
     Real,

@@ -10,7 +10,7 @@ import clarabel
 import numpy as np
 import scipy.sparse
 
-from robustid.controllers.conditions import Indices
+from robustid.controllers.discs import Indices
 from robustid.core import Complex, Real
 
 _TOLERANCE = 1e-6  # of the solver: what it finds is judged by its numbers
@@ -46,7 +46,7 @@ class Functions(NamedTuple):
         return Functions(self.axes[place], self.into, self.out_of)
 
     def scaled(self, q: Complex) -> Complex:
-        r"""Values whose largest singular value bounds that of Q (N, nu, nu) times the whole, (N, m, ...): between axes, one to each.
+        r"""Values with a singular value at least that of Q (N, nu, nu) times the whole, (N, m, ...): between axes, one to each.
 
         With t the norms of the columns of Q A and w those of the rows of B,
         :math:`\|Q A D B\| \le \|Q A T^{-1}\| \max_i t_i |d_i| w_i \|W^{-1} B\|`; else exact.
@@ -145,7 +145,9 @@ class Program:
                 for n, helper, unit in zip(some, index, units.tolist(), strict=True):
                     self._norms[keys[n]] = int(helper), unit
                 if some.size:
-                    self._at_least(index, values / units[:, None, None, None], A / units[:, None, None] if own else None)
+                    self._at_least(
+                        index, values / units[:, None, None, None], A / units[:, None, None] if own else None
+                    )
             index = np.array([self._norms[key][0] for key in keys])
             found.append((index, -np.array([self._norms[key][1] for key in keys])))
         return found

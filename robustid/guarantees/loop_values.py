@@ -113,8 +113,8 @@ class LoopValues(NamedTuple):
     def balls(self, within: Real | Held) -> dict[str, Balls]:
         """The maps S, T = I - S, P S and C S over all Delta in discs, or of at most so much; infinite where a loop may be singular.
 
-        A bound (N, ny, nu), or discs of the entries; of matrices those about 0. S and T are those at the outputs of the plant, or at
-        its inputs where these are fewer.
+        A bound (N, ny, nu), or discs of the entries; of matrices those about 0. S and T are those at the outputs of the plant, or
+        at its inputs where these are fewer.
         """
         held = within if isinstance(within, Held) else Held.about_zero(within)
         found = {

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import conditions_of
+from robustid.controllers.discs import Discs
 from robustid.controllers.limits import TEMPLATES
 from robustid.controllers.obstacles import Law, obstacle_of
 from robustid.controllers.plants import Plants
