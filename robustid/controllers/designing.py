@@ -356,15 +356,24 @@ class At:
             discs = Discs.together([discs, self.task.discs([end] * len(self.task.plants))])
             last = self._in_basis(self._axes(end))
             axes = np.concatenate([axes, np.repeat(last, len(self.task.plants), axis=0)])
-        linear = None
-        if discs.shape == (1, 1) and self.basis.integral.any():
-            gain = (self.basis.integral @ self.back)[None]
-            lowest = int(np.argmin(discs.omega))  # an integrator is to lower what the loop that runs leaves there
-            one = discs.plant[lowest, 0, 0]
-            left = 1 + one * self._running(discs)[lowest, 0, 0]
-            sign = np.sign((one / left).real)
-            linear = sign * gain, np.array([limits.integral_gain or 0.0])
         conditions = conditions_of(limits.closer(self.task.spare), discs)
         if discs.shape != (1, 1) and limits.integral_gain is not None:
             conditions.append(integrators_of(limits.integral_gain, discs))
-        return Question(Functions(axes, self.into, self.out_of), conditions, linear), discs
+        return Question(Functions(axes, self.into, self.out_of), conditions, self._integrators(discs, limits)), discs
+
+    def _integrators(self, discs: Discs, limits: Limits) -> tuple[Real, Real] | None:
+        """Each integrator is to lower what the loop that runs leaves at the lowest frequency: ``G x >= h``.
+
+        Of stable matrices the limits tell it, whose loops are large there; a plant that is large itself hides an integrator.
+        """
+        running = self._running(discs)
+        single = discs.shape == (1, 1)
+        if not (self.basis.integral.any() and (single or running.any())):
+            return None
+        lowest = int(np.argmin(discs.omega))
+        P = discs.plant[lowest]
+        left = self.out_of @ np.linalg.solve(np.eye(len(P)) + P @ running[lowest], P) @ self.into
+        signs = np.sign(left.real if self.task.plants[0].turned else left.real.T)
+        rows = [signs[i, j] * own for i, j, own in self.basis.integrators]
+        least = limits.integral_gain if single else None  # of matrices it is a singular value of all of them
+        return np.array(rows) @ self.back, np.full(len(rows), least or 0.0)

@@ -21,6 +21,7 @@ from robustid.controllers.discs import Discs
 from robustid.core import Complex, Real, norms
 from robustid.guarantees import norm_of_bounds
 
+_NEAR = 0.5  # of the least singular value of the plant: balls that are smaller know all directions
 _LITTLE = 1e-9  # of the bounds of the largest input: smaller ones are as good as none
 
 
@@ -41,7 +42,7 @@ class Quotients(NamedTuple):
 
 
 def discs_of_matrices(omega: Real, plants: Quotients, ball: Real, factor: Real) -> Discs:
-    """Balls of matrices; quotients where a ball holds plants that are infinite, or singular ones where these say more of S.
+    """Balls of matrices; quotients where a ball holds plants that are infinite, or wide ones where these say more of S.
 
     `ball`: radii in the loop (F,). `factor`: of the bounds (F,), as they are there.
     """
@@ -65,8 +66,8 @@ def discs_of_matrices(omega: Real, plants: Quotients, ball: Real, factor: Real) 
     L = np.eye(plants.value.shape[1]) + plants.value @ plants.running
     of_ball = np.linalg.svd(L, compute_uv=False)[:, -1] - finite * norms(plants.running)
     of_quotient = np.linalg.svd(under @ L, compute_uv=False)[:, -1] / quotients.quotients[0]
-    singular = finite >= np.linalg.svd(plants.value, compute_uv=False)[:, -1]
-    far = ~np.isfinite(ball) | (singular & (of_quotient > of_ball))
+    near = finite < _NEAR * np.linalg.svd(plants.value, compute_uv=False)[:, -1]
+    far = ~np.isfinite(ball) | (~near & (of_quotient > of_ball))
     terms = errors.shape[1] - 1
     padded = [np.pad(part, ((0, 0), (0, terms), (0, 0), (0, 0))) for part in (found.adds, found.shifts)]
     return found._replace(
