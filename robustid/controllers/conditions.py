@@ -26,6 +26,7 @@ exact where U = 0. ``|C S|`` and ``|P S|`` are bounded by products of norms.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -39,6 +40,7 @@ from robustid.core import Complex, Real, norms
 _ABOVE = 5e-3  # 1 that |L| is up to the bandwidth: what the proof on arcs takes
 _ARC = 5  # points of the arc about -1 that a phase margin keeps clear
 _LEAST = 1e-12  # of the radius of a disc: nearer to zero it holds zero
+_LITTLE = 1e-3  # about 1: a bound of |T| there is taken as that much less than 1
 _TURNED = math.pi / 3  # phase of a delay, beyond which |L| is kept below 1 instead
 
 
@@ -144,7 +146,7 @@ class _Clear:
         self,
         name: str,
         where: NDArray[np.bool_] | None,
-        offset: float,
+        offset: float | Real,
         size: float | Real,
         *,
         more: float = 0.0,
@@ -154,7 +156,7 @@ class _Clear:
         """``offset + F C`` at a distance of `size` and `more` times |C| from 0, or from polygons; or no farther than that."""
         which = np.ones(self.discs.omega.size, dtype=bool) if where is None else where
         shapes = np.zeros((1, 1), complex) if corners is None else corners
-        w = np.broadcast_to(np.asarray(size, dtype=float), (int(np.sum(which)),))
+        w, offsets = (np.broadcast_to(np.asarray(one, dtype=float), (int(np.sum(which)),)) for one in (size, offset))
         single = self.discs.shape == (1, 1)
         far = self.discs.outside[which]
         for outside in (False, True) if far.any() else (False,):
@@ -162,9 +164,9 @@ class _Clear:
             place = np.flatnonzero(which)[own]
             some = self.discs.at(place)
             a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
-            a[:] = offset * np.eye(self.ny)
+            a[:] = offsets[own, None, None] * np.eye(self.ny)
             shape = shapes[own] if len(shapes) > 1 else shapes
-            q, shift = some.adds, offset * some.shifts
+            q, shift = some.adds, offsets[own, None, None, None] * some.shifts
             if single:
                 q = (some.around * some.units[:, 0])[:, None, None, None] + 0j
             if outside and inside:  # the plant may be infinite
@@ -240,6 +242,9 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
         clear.process("disturbance", (omega >= low) & (omega <= high), value)
     if limits.bandwidth is not None:
         clear.add("bandwidth", omega <= limits.bandwidth, 0.0, 1 + _ABOVE)
+    if discs.shape != (1, 1):
+        _margins_of_matrices(clear, limits, omega)
+        limits = dataclasses.replace(limits, gain_margin=None, phase_margin=None, delay_margin=None)
     for corners in _kept_clear(limits):
         clear.add("margins", None, 1.0, 0.0, corners=corners[None])
     if limits.delay_margin is not None:
@@ -252,6 +257,29 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     if limits.process_peak is not None:
         clear.process("process peak", np.ones(omega.size, dtype=bool), limits.process_peak)
     return clear.found
+
+
+def _margins_of_matrices(clear: _Clear, limits: Limits, omega: Real) -> None:
+    r"""Margins of changes in all loops at once: a disk for gain and phase, and what T leaves to any delays.
+
+    .. math:: \|2 S - I\| \le k \Leftrightarrow \underline\sigma(X + \tfrac{2}{k^2 - 1}) \ge \tfrac{2 k}{k^2 - 1}, \qquad k > 1,
+
+    and then a loop with factors f of its gains, ``|f - 1|/|f + 1| < 1/k``, is stable; with delays where
+    ``|T| < 1/(2 sin(phase/2))``.
+    """
+    sizes = list[float]()
+    if limits.gain_margin is not None:
+        sizes.append((limits.gain_margin + 1) / (limits.gain_margin - 1))
+    if limits.phase_margin is not None:
+        sizes.append(1 / math.tan(limits.phase_margin / 2))
+    for k in sizes:
+        clear.add("margins", None, 1 + 2 / (k**2 - 1), 2 * k / (k**2 - 1))
+    if limits.delay_margin is not None:
+        most = 1 / (2 * np.sin(np.minimum(omega * limits.delay_margin, math.pi) / 2))
+        for inside in (False, True):
+            which = np.equal(most < 1 + _LITTLE, inside)
+            m = np.minimum(most[which], 1 - _LITTLE) if inside else most[which]
+            clear.add("delay margin", which, 1 + 1 / (m**2 - 1), m / np.abs(m**2 - 1), inside=inside)
 
 
 def integrators_of(gain: float, discs: Discs) -> Conditions:

@@ -104,7 +104,7 @@ def _fixed(factors: Sequence[Factor]) -> Iterator[StateMatrices]:
 
 
 def _check_matrices(limits: Limits, products: Sequence[Sequence[Factor]], shape: tuple[int, int]) -> None:
-    """Limits that are of one loop, and integrators fewer than the outputs."""
+    """Integrators fewer than the outputs."""
     nu, ny = shape
     count = sum(map(_integrators, products))
     if limits.integral_gain is not None and (nu != ny or count < ny):
@@ -112,12 +112,6 @@ def _check_matrices(limits: Limits, products: Sequence[Sequence[Factor]], shape:
             f"`structure` must hold an integrator for each of {ny} outputs, and the plant as many inputs, for their least gain to"
             f" be large; got {count} integrators and {nu} inputs"
         )
-    for name in ("gain_margin", "phase_margin", "delay_margin"):
-        if getattr(limits, name) is not None:
-            raise InputError(
-                f"`{name}` is of one input and one output; got {ny} outputs. The peak of the sensitivity keeps margins of"
-                " all loops"
-            )
 
 
 def _check_integral(products: Sequence[Sequence[Factor]], limits: Limits, goal: Goal, dt: float) -> None:

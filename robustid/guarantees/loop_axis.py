@@ -41,7 +41,7 @@ class Peak(NamedTuple):
 
 
 class LoopMargins(NamedTuple):
-    """Margins that every consistent plant has with the controller, at least; at the outputs of the plant.
+    """Margins that every consistent plant has with the controller, at least; at the outputs of the plant, or its inputs if fewer.
 
     Attributes
     ----------

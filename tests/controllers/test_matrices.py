@@ -83,9 +83,18 @@ def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
     }
     limits |= {"disturbance": limits["process_peak"], "action": limits["control_peak"]}
     limits["tracking"] = 0.6, lambda L, _: 0.36 * (one + np.linalg.inv(L))  # the inverse of T: at least 0.6
+    # |2 S - I| <= k: gains of all loops times (k + 1)/(k - 1), and phases; |T| of delays, at 1 rad/s
+    limits["gain_margin"] = 2.0, lambda L, _: 2 / 3 * (2 * np.linalg.inv(one + L) - one)
+    limits["phase_margin"] = 0.6, lambda L, _: 0.6 * np.tan(0.3) * (2 * np.linalg.inv(one + L) - one)
+    for limit in (0.8, 1.5):  # |T| at most above and below 1
+        limits[f"delay_margin {limit}"] = (
+            limit,
+            lambda L, _, m=limit: 2 * m * np.sin(m / 2) * (one - np.linalg.inv(one + L)),
+        )
     for name, (limit, part) in limits.items():
         given = [(0.5, 2.0, limit)] if name in TEMPLATES else limit
-        (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)
+        every = conditions_of(Limits(**{"sensitivity_peak": None, name.split()[0]: given}), discs)
+        (condition,) = (one for one in every if one.place.size)
         kept = 0
         for _ in range(60):
             C = random(rng, 2, 2) * 10 ** rng.uniform(-1, 0.7)
@@ -209,9 +218,18 @@ def test_the_least_gain_of_integrators(small):
     assert found.level <= np.linalg.svd((z - 1) / DT * found.controller(z))[1][-1] * (1 + 1e-5)
 
 
-def test_one_loop_to_each_axis(small):
+def test_one_loop_to_each_axis_and_margins_of_all_at_once(small):
     plant, band = small
-    check(plant, rid.design_controller(band, PID(), limits=Limits(sensitivity_peak=1.8)), 1.8)
+    limits = Limits(sensitivity_peak=1.8, gain_margin=2.5, phase_margin=0.7, delay_margin=0.008)
+    design = rid.design_controller(band, PID(), limits=limits)
+    check(plant, design, 1.8)
+    margins, rng = design.proofs[0].margins, np.random.default_rng(6)
+    assert margins.gain[1] >= 2.5
+    assert margins.phase >= 0.7
+    assert margins.delay >= 0.008
+    for gains in rng.choice([1 / 2.5, 1.0, 2.5], (20, 2)):
+        other = control.ss(plant.A, plant.B * gains, plant.C, plant.D, DT)
+        assert np.abs(control.feedback(other, design.controller).poles()).max() < 1
 
 
 @pytest.mark.slow
@@ -276,7 +294,6 @@ def test_a_full_controller_is_not_worse_than_one_of_each_axis():
     [
         ({"structure": Matrix([[PID(), None]])}, "2 rows of 2 entries; got 1 rows of 2"),
         ({"structure": Matrix([[PID(), None], [PID(), PID()]])}, "got 2 in row 2"),
-        ({"limits": Limits(gain_margin=2.0)}, "`gain_margin` is of one input and one output"),
         (
             {"maximise": "integral gain", "structure": Matrix([[PID(), None], [None, PID(integral=False)]])},
             "an integrator for each of 2 outputs.*got 1 integrators and 2 inputs",
