@@ -166,21 +166,20 @@ class _Clear:
             a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
             a[:] = offsets[own, None, None] * np.eye(self.ny)
             shape = shapes[own] if len(shapes) > 1 else shapes
-            q, shift = some.adds, offsets[own, None, None, None] * some.shifts
-            if single:
-                q = (some.around * some.units[:, 0])[:, None, None, None] + 0j
+            shift = offsets[own, None, None, None] * some.shifts
+            q: Complex = _diagonal(some.around * some.units[:, 0], 1) if single else some.adds
             if outside and inside:  # the plant may be infinite
                 nothing = np.full(place.size, -1.0)
                 self.found.append(Conditions(name, place, 0 * a, 0 * some.centre, 0 * q, shift, nothing, inside=True))
             elif outside and single:
-                q = np.maximum(some.radius - more, 0.0)[:, None, None, None] + 0j
+                q = _diagonal(np.maximum(some.radius - more, 0.0), 1)
                 self.found.append(
                     Conditions(name, place, a, some.centre, q, shift, w[own], corners=shape, outside=True)
                 )
             else:
                 under = some.quotients[0] if outside else np.ones(place.size)
                 if more:
-                    least = (more * under)[:, None, None, None] * np.eye(some.shape[1])
+                    least = _diagonal(more * under, some.shape[1])
                     q = q + least if single else np.concatenate([q, least], axis=1)
                     shift = shift if single else np.concatenate([shift, 0 * shift[:, :1]], axis=1)
                 V = some.under
@@ -206,14 +205,19 @@ class _Clear:
         room = np.where(nothing, np.maximum(room, np.finfo(float).tiny), room)
         a: Complex = np.where(whole | nothing, centre.conj() / room, 1.0 + 0j)
         b: Complex = np.where(whole | nothing, 1.0 + 0j, centre)
-        q = np.where(whole | nothing, 0.0, radius) + 0j
+        q = np.where(whole | nothing, 0.0, radius)
         w = np.where(whole, 1 / most + radius / np.abs(room), (size + radius) / most)
         w = np.where(nothing, radius / room - 1 / most, w)
         for inside in (False, True) if nothing.any() else (False,):
             own = nothing == inside
             full, zeros = (own, None, None), np.zeros((int(own.sum()), 1, 1, 1), complex)
-            q_own = q[own, None, None, None]
+            q_own = _diagonal(q[own], 1)
             self.found.append(Conditions(name, place[own], a[full], b[full], q_own, zeros, w[own], inside=inside))
+
+
+def _diagonal(numbers: Real, size: int) -> Complex:
+    """Multiples of the identity, (N, 1, size, size)."""
+    return np.asarray(numbers[:, None, None, None] * np.eye(size), dtype=complex)
 
 
 def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:

@@ -372,8 +372,10 @@ class At:
             return None
         lowest = int(np.argmin(discs.omega))
         P = discs.plant[lowest]
-        left = self.out_of @ np.linalg.solve(np.eye(len(P)) + P @ running[lowest], P) @ self.into
-        signs = np.sign(left.real if self.task.plants[0].turned else left.real.T)
+        L: Complex = P @ running[lowest]
+        closed: Complex = np.asarray(np.linalg.solve(np.eye(len(P)) + L, P), dtype=complex)
+        left: Real = np.real(self.out_of @ closed @ self.into)
+        signs = np.sign(left if self.task.plants[0].turned else left.T)
         rows = [signs[i, j] * own for i, j, own in self.basis.integrators]
         least = limits.integral_gain if single else None  # of matrices it is a singular value of all of them
         return np.array(rows) @ self.back, np.full(len(rows), least or 0.0)

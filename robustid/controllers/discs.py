@@ -44,7 +44,7 @@ class Discs(NamedTuple):
     def of(cls, omega: Real, centre: Complex, radius: Real, units: Real, *, entries: bool = False) -> Discs:
         """Discs alone; of one row those of its entries."""
         F, ny, nu = centre.shape
-        sizes: Complex = (radius[:, None] * units)[:, :, None] * np.eye(nu, dtype=complex)
+        sizes: Complex = np.asarray((radius[:, None] * units)[:, :, None] * np.eye(nu), dtype=complex)
         adds = sizes[:, :, None, :] * np.eye(nu)[:, :, None] if entries else sizes[:, None]
         return cls(
             omega,
@@ -119,8 +119,9 @@ class Discs(NamedTuple):
             sizes = np.abs(self.centre[:, 0])
             if not self.by_entries:
                 return norms(self.centre) - self.radius * self.units.max(axis=1)
-            left = sizes - self.radius[:, None] * self.units
-            return np.where((left > 0).any(axis=1), np.linalg.norm(np.maximum(left, 0.0), axis=1), left.max(axis=1))
+            left: Real = sizes - self.radius[:, None] * self.units
+            size: Real = np.asarray(np.linalg.norm(np.maximum(left, 0.0), axis=1), dtype=float)
+            return np.where((left > 0).any(axis=1), size, left.max(axis=1))
         within = distance_from(-self.centre[:, 0, 0], self.corners)[0] - self.around * self.units[:, 0]
         return np.where(self.outside, self.radius * self.units[:, 0] - np.abs(self.centre[:, 0, 0]), within)
 

@@ -247,6 +247,16 @@ def _about_fewer_states(band: Band) -> Band:
     return band
 
 
+def _closed_parts(
+    values: LoopValues, bounds: Real, turned: bool
+) -> tuple[tuple[Complex, Real], tuple[Complex, Real], Real]:
+    """S and C S about the model with what holds around them, and the bounds; `turned`: of the transposed plants."""
+    if not turned:
+        return values.part("y", "d"), values.part("x", "d"), bounds
+    (S, far), (CS, away) = values.part("u", "r"), values.part("u", "d")
+    return (S.swapaxes(1, 2), far.swapaxes(1, 2)), (CS.swapaxes(1, 2), away.swapaxes(1, 2)), bounds.swapaxes(1, 2)
+
+
 def _closed_share(values: LoopValues, bounds: Real, turned: bool) -> Real:
     r"""A number that is at most 1 only where the smallest singular value of L is at least 1 for all plants in open loop, (N,).
 
@@ -255,17 +265,14 @@ def _closed_share(values: LoopValues, bounds: Real, turned: bool) -> Real:
     :math:`T^* T - (1 + \tau) S^* S - (1 + 1/\tau) r^2 (D C S)^* D C S`, for any positive tau, over the sum of the three norms. Of
     one row the entries of Delta C S are added, which is exact. `turned`: of the transposed plants, whose L is that of C P.
     """
-    (S, far), (CS, away) = values.part("y", "d"), values.part("x", "d")
-    if turned:
-        (S, far), (CS, away) = values.part("u", "r"), values.part("u", "d")
-        S, far, CS, away, bounds = (one.swapaxes(1, 2) for one in (S, far, CS, away, bounds))
+    (S, far), (CS, away), errors = _closed_parts(values, bounds, turned)
     if S.shape[1] == 1:
-        added = np.sum(bounds[:, 0] * (np.abs(CS) + away)[:, :, 0], axis=1) + far[:, 0, 0]
+        added = np.sum(errors[:, 0] * (np.abs(CS) + away)[:, :, 0], axis=1) + far[:, 0, 0]
         least = np.abs(1 - S[:, 0, 0]) - added
         return (np.abs(S) + far)[:, 0, 0] / np.maximum(least, np.finfo(float).tiny)
-    units = np.linalg.norm(bounds, axis=1)
+    units = np.linalg.norm(errors, axis=1)
     units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
-    reach = norm_of_bounds(bounds / units[:, None])[:, None, None] * units[:, :, None]
+    reach = norm_of_bounds(errors / units[:, None])[:, None, None] * units[:, :, None]
     T, given = np.eye(S.shape[1]) - S, reach * CS
     sizes = norms(S), norms(given)
     squares = [one.conj().swapaxes(1, 2) @ one for one in (T, S, given)]
