@@ -376,6 +376,6 @@ class At:
         closed: Complex = np.asarray(np.linalg.solve(np.eye(len(P)) + L, P), dtype=complex)
         left: Real = np.real(self.out_of @ closed @ self.into)
         signs = np.sign(left if self.task.plants[0].turned else left.T)
-        rows = [signs[i, j] * own for i, j, own in self.basis.integrators]
+        rows = [signs[i, j] * (own @ self.back) for i, j, own in self.basis.integrators]
         least = limits.integral_gain if single else None  # of matrices it is a singular value of all of them
-        return np.array(rows) @ self.back, np.full(len(rows), least or 0.0)
+        return np.array(rows), np.full(len(rows), least or 0.0)
