@@ -15,112 +15,40 @@ a + b C is that of the polygon of all :math:`a + (b + v) C`: two convex sets are
 
 which is exact, too; |P S| is bounded in the disc about the hull. Values outside of a disc, ``|F - c| >= r``, of plants that may be
 infinite at a frequency, keep off the same where :math:`r |C| \ge |a + (b + c) C| + |q C| + w`, exactly. Of matrices
-:math:`F = c + \Delta D` with :math:`\|\Delta\| \le r`, and the same with singular values follows from
+:math:`F = (V + \Delta U)^{-1} (V c + \Delta T)`, with U = 0 and V = I where F is finite, and the same with singular values
+follows, after multiplication by the first factor, from
 
-.. math:: \underline\sigma(a + b C) \ge \textstyle\sum_k \|Q_k C\| + w,
+.. math:: \underline\sigma(V (a + c\, C)) \ge \textstyle\sum_k \|Q_k C + A_k\| + w \|V + \Delta U\|,
 
-where S, T and the bandwidth are exact but for that; ``|C S|`` and ``|P S|`` are bounded by products of norms.
+where Q and A bound what :math:`\Delta (T C + a U)` adds: with the norm of Delta, or of one row the sum of its entries, which is
+exact where U = 0. ``|C S|`` and ``|P S|`` are bounded by products of norms.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robustid.controllers.discs import Discs, Indices, distance_from, sums_of
 from robustid.controllers.limits import Limits
 from robustid.core import Complex, Real, norms
 
 _ABOVE = 5e-3  # 1 that |L| is up to the bandwidth: what the proof on arcs takes
 _ARC = 5  # points of the arc about -1 that a phase margin keeps clear
-_SHORT = 1e-12  # of the longest edge of a polygon: shorter ones are none
 _LEAST = 1e-12  # of the radius of a disc: nearer to zero it holds zero
+_LITTLE = 1e-3  # about 1: a bound of |T| there is taken as that much less than 1
 _TURNED = math.pi / 3  # phase of a delay, beyond which |L| is kept below 1 instead
 
 
-Indices = NDArray[np.intp]
-
-
-class Discs(NamedTuple):
-    """Values of all consistent plants at frequencies: centres (F, ny, nu), radii (F,) and units of the inputs (F, nu).
-
-    All of them are ``centre + Delta diag(units)`` with a largest singular value of Delta of at most the radius. Of one input and
-    one output they are within `around` of the hull of ``centre + corners``, too: that of 0 alone where nothing else is known; or,
-    where `outside`, at least the radius away from the centre, and perhaps infinite. `plant` is one of them.
-    """
-
-    omega: Real
-    centre: Complex
-    radius: Real
-    units: Real
-    corners: Complex  # (F, V)
-    around: Real  # (F,)
-    outside: NDArray[np.bool_]  # (F,)
-    plant: Complex
-
-    @classmethod
-    def of(cls, omega: Real, centre: Complex, radius: Real, units: Real) -> Discs:
-        """Discs alone."""
-        nowhere = np.zeros(omega.size, dtype=bool)
-        return cls(omega, centre, radius, units, np.zeros((omega.size, 1), complex), radius, nowhere, centre)
-
-    @classmethod
-    def together(cls, parts: Sequence[Discs]) -> Discs:
-        """Sets of several plants, one after the other."""
-        most = max(one.corners.shape[1] for one in parts)
-        rows = [
-            one._replace(corners=np.pad(one.corners, ((0, 0), (0, most - one.corners.shape[1])), mode="edge"))
-            for one in parts
-        ]
-        return cls(*(np.concatenate(one) for one in zip(*rows, strict=True)))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Outputs and inputs."""
-        return self.centre.shape[1], self.centre.shape[2]
-
-    @property
-    def typical(self) -> float:
-        """Size of a controller with which the loop is about 1."""
-        return 1 / float(np.median(norms(self.plant)))
-
-    @property
-    def columns(self) -> Real:
-        """Bound of the norm of every column, (F, nu); where `outside` that of one plant."""
-        known = np.where(self.outside, 0.0, self.radius)
-        return np.asarray(np.linalg.norm(self.plant, axis=1), dtype=float) + known[:, None] * self.units
-
-    @property
-    def largest(self) -> Real:
-        """Bound of the largest singular value, (F,)."""
-        return np.where(self.outside, np.inf, norms(self.centre) + self.radius * self.units.max(axis=1))
-
-    @property
-    def known_corners(self) -> Complex:
-        """Corners about the centres of polygons that are narrower than the discs, (F, V or 0); nan elsewhere."""
-        known = self.corners[:, : 0 if self.corners.shape[1] == 1 else None]
-        return np.where(self.around[:, None] > 0, np.nan, known)
-
-    @property
-    def least(self) -> Real:
-        """Least size of the values of one input and one output, (F,): negative where they may be 0, by how much."""
-        within = _distance(-self.centre[:, 0, 0], self.corners)[0] - self.around * self.units[:, 0]
-        return np.where(self.outside, self.radius * self.units[:, 0] - np.abs(self.centre[:, 0, 0]), within)
-
-    def at(self, which: NDArray[np.bool_] | Indices) -> Discs:
-        """Some of the frequencies."""
-        parts: list[Any] = [one[which] for one in self]
-        return Discs(*parts)
-
-
 class Conditions(NamedTuple):
-    """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C| + w``, at frequencies, each (N, ...).
+    """Distance of ``a + (b + v) C`` from a convex polygon at least ``sum_k |Q_k C + A_k| + w``, at frequencies, each (N, ...).
 
     The polygon, by its corners, is the point 0 where nothing is said; of matrices the distance from it is the smallest singular
-    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C| <= w`` instead. `outside`:
+    value. It is that for all v in the hull of `moved`. `inside`: ``|a + (b + v) C| + sum_k |Q_k C + A_k| <= w`` instead. `outside`:
     ``|Q C| >= |a + b C - k| + w`` instead at every corner k of the polygon.
     """
 
@@ -128,7 +56,8 @@ class Conditions(NamedTuple):
     place: Indices  # frequency of every one
     a: Complex  # (N, p, q)
     b: Complex  # (N, p, nu)
-    q: Real  # (N, k, nu): diagonals of Q_k
+    q: Complex  # (N, k, nu, nu): Q_k
+    shift: Complex  # (N, k, nu, ny): A_k
     w: Real
     inside: bool = False
     corners: Complex = np.zeros((1, 1), complex)  # (1 or N, corners)
@@ -138,7 +67,7 @@ class Conditions(NamedTuple):
     def at(self, values: Complex) -> tuple[Complex, Real]:
         """A + b C, and what is taken from its distance, with values C (F, nu, ny) at all frequencies."""
         C = values[self.place]
-        taken = sum(norms(self.q[:, k, :, None] * C) for k in range(self.q.shape[1]))
+        taken = sum(norms(self.q[:, k] @ C + self.shift[:, k]) for k in range(self.q.shape[1]))
         return self.a + self.b @ C, np.zeros(len(C)) + taken
 
     def excess(self, values: Complex) -> Real:
@@ -173,7 +102,7 @@ class Conditions(NamedTuple):
         """The same for b at each of its corners, or outside for each of those of the polygon, (N, V)."""
         X, taken = self.at(values)
         if self.outside:
-            ahead = np.real(turn[:, 0].conj() * self.q[:, 0] * values[self.place, 0])
+            ahead = np.real(turn[:, 0].conj() * self.q[:, 0, 0] * values[self.place, 0])
             return ahead - np.abs(X[:, 0] - self.corners) - self.w[:, None]
         if X.shape[1:] == (1, 1):
             every = X[:, 0] + self.moved * values[self.place, 0]
@@ -188,7 +117,7 @@ class Conditions(NamedTuple):
 
     def with_corner(self, row: Indices, corner: Indices) -> Conditions:
         """Some of them, each at one of the corners of `at_corners`."""
-        own = {name: getattr(self, name)[row] for name in ("place", "a", "q", "w")}
+        own = {name: getattr(self, name)[row] for name in ("place", "a", "q", "shift", "w")}
         if self.outside:
             shapes = np.broadcast_to(self.corners, (self.place.size, self.corners.shape[1]))[row, corner, None, None]
             own["a"] = own["a"] - shapes
@@ -202,44 +131,8 @@ class Conditions(NamedTuple):
         shapes = self.corners
         if self.moved.shape[1] > 1:
             moved = -self.moved * values[self.place, 0]
-            shapes = _sums(shapes, moved) if shapes.shape[1] > 1 else shapes + moved
-        return _distance(X[:, 0, 0], shapes)
-
-
-def _sums(one: Complex, other: Complex) -> Complex:
-    """Corners of all sums of points of two convex polygons (1 or N, V) and (N, W), (N, V + W): edges of both by their angles."""
-    edges: list[Complex] = []
-    for corners in (one, other):
-        following = np.roll(corners, -1, axis=1)
-        turning = np.sign(np.sum((corners.conj() * following).imag, axis=1, keepdims=True))
-        edges.append(np.where(turning < 0, -1, 1) * (following - corners))
-    starts = [
-        np.take_along_axis(corners, np.lexsort((corners.real, corners.imag), axis=1)[:, :1], axis=1)
-        for corners in (one, other)
-    ]
-    every = np.concatenate([np.broadcast_to(edge, (len(other), edge.shape[1])) for edge in edges], axis=1)
-    order = np.argsort(np.angle(every) % (2 * np.pi), axis=1)
-    along = np.cumsum(np.take_along_axis(every, order, axis=1), axis=1)
-    return starts[0] + starts[1] + np.concatenate([np.zeros((len(other), 1)), along[:, :-1]], axis=1)
-
-
-def _distance(points: Complex, corners: Complex) -> tuple[Real, Complex]:
-    """Distances of points from convex polygons, negative inside, and the directions away from them."""
-    ends = np.roll(corners, -1, axis=1)
-    along = ends - corners
-    length = np.maximum(np.abs(along) ** 2, np.finfo(float).tiny)
-    part = np.clip(np.real((points[:, None] - corners) * along.conj()) / length, 0.0, 1.0)
-    away = points[:, None] - (corners + part * along)
-    sizes = np.abs(away)
-    k = np.argmin(sizes, axis=1)
-    rows = np.arange(points.size)
-    size, direction = sizes[rows, k], away[rows, k]
-    turned = np.imag((points[:, None] - corners) * along.conj())
-    point = length <= _SHORT**2 * length.max(axis=1, keepdims=True)  # edges that have no direction
-    sides = [np.all(point | (sign * turned > 0), axis=1) for sign in (1, -1)]
-    inner = (corners.shape[1] > 2) & (length.max(axis=1) > np.finfo(float).tiny) & (sides[0] | sides[1])
-    unit = np.where(size > 0, direction / np.where(size > 0, size, 1.0), 1.0)
-    return np.where(inner, -size, size), np.where(inner, -unit, unit)
+            shapes = sums_of(shapes, moved) if shapes.shape[1] > 1 else shapes + moved
+        return distance_from(X[:, 0, 0], shapes)
 
 
 class _Clear:
@@ -253,7 +146,7 @@ class _Clear:
         self,
         name: str,
         where: NDArray[np.bool_] | None,
-        offset: float,
+        offset: float | Real,
         size: float | Real,
         *,
         more: float = 0.0,
@@ -263,34 +156,46 @@ class _Clear:
         """``offset + F C`` at a distance of `size` and `more` times |C| from 0, or from polygons; or no farther than that."""
         which = np.ones(self.discs.omega.size, dtype=bool) if where is None else where
         shapes = np.zeros((1, 1), complex) if corners is None else corners
-        w = np.broadcast_to(np.asarray(size, dtype=float), (int(np.sum(which)),))
+        w, offsets = (np.broadcast_to(np.asarray(one, dtype=float), (int(np.sum(which)),)) for one in (size, offset))
+        single = self.discs.shape == (1, 1)
         far = self.discs.outside[which]
         for outside in (False, True) if far.any() else (False,):
             own = far == outside
             place = np.flatnonzero(which)[own]
             some = self.discs.at(place)
             a = np.zeros((place.size, self.ny, self.ny), dtype=complex)
-            a[:] = offset * np.eye(self.ny)
+            a[:] = offsets[own, None, None] * np.eye(self.ny)
             shape = shapes[own] if len(shapes) > 1 else shapes
+            shift = offsets[own, None, None, None] * some.shifts
+            q: Complex = _diagonal(some.around * some.units[:, 0], 1) if single else some.adds
             if outside and inside:  # the plant may be infinite
-                nothing, zeros = np.full(place.size, -1.0), np.zeros((place.size, 1, 1))
-                self.found.append(Conditions(name, place, 0 * a, 0 * a, zeros, nothing, inside=True))
-            elif outside:
-                q = np.maximum(some.radius[:, None, None] - more, 0.0)
-                self.found.append(Conditions(name, place, a, some.centre, q, w[own], corners=shape, outside=True))
+                nothing = np.full(place.size, -1.0)
+                self.found.append(Conditions(name, place, 0 * a, 0 * some.centre, 0 * q, shift, nothing, inside=True))
+            elif outside and single:
+                q = _diagonal(np.maximum(some.radius - more, 0.0), 1)
+                self.found.append(
+                    Conditions(name, place, a, some.centre, q, shift, w[own], corners=shape, outside=True)
+                )
             else:
-                q = (some.around[:, None] * some.units)[:, None, :]
+                under = some.quotients[0] if outside else np.ones(place.size)
                 if more:
-                    one = self.discs.shape == (1, 1)
-                    q = q + more if one else np.concatenate([q, np.full(q.shape, more)], axis=1)
-                self.found.append(Conditions(name, place, a, some.centre, q, w[own], inside, shape, some.corners))
+                    least = _diagonal(more * under, some.shape[1])
+                    q = q + least if single else np.concatenate([q, least], axis=1)
+                    shift = shift if single else np.concatenate([shift, 0 * shift[:, :1]], axis=1)
+                V = some.under
+                self.found.append(
+                    Conditions(
+                        name, place, V @ a, V @ some.centre, q, shift, w[own] * under, inside, shape, some.corners
+                    )
+                )
 
     def process(self, name: str, which: NDArray[np.bool_], most: float) -> None:
         """|P S| at most a number: exact in the disc of 1/F, or where F may be 0, and of matrices, by its largest value."""
         place = np.flatnonzero(which)
         some = self.discs.at(place)
         if self.discs.shape != (1, 1):
-            self.add(name, which, 1.0, some.largest / most)
+            under, above = some.quotients
+            self.add(name, which, 1.0, above / np.where(some.outside, under, 1.0) / most)
             return
         centre, radius = some.centre[:, 0, 0], some.radius * some.units[:, 0]
         size = np.abs(centre)
@@ -305,8 +210,14 @@ class _Clear:
         w = np.where(nothing, radius / room - 1 / most, w)
         for inside in (False, True) if nothing.any() else (False,):
             own = nothing == inside
-            full = (own, None, None)
-            self.found.append(Conditions(name, place[own], a[full], b[full], q[full], w[own], inside=inside))
+            full, zeros = (own, None, None), np.zeros((int(own.sum()), 1, 1, 1), complex)
+            q_own = _diagonal(q[own], 1)
+            self.found.append(Conditions(name, place[own], a[full], b[full], q_own, zeros, w[own], inside=inside))
+
+
+def _diagonal(numbers: Real, size: int) -> Complex:
+    """Multiples of the identity, (N, 1, size, size)."""
+    return np.asarray(numbers[:, None, None, None] * np.eye(size), dtype=complex)
 
 
 def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
@@ -335,6 +246,9 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
         clear.process("disturbance", (omega >= low) & (omega <= high), value)
     if limits.bandwidth is not None:
         clear.add("bandwidth", omega <= limits.bandwidth, 0.0, 1 + _ABOVE)
+    if discs.shape != (1, 1):
+        _margins_of_matrices(clear, limits, omega)
+        limits = dataclasses.replace(limits, gain_margin=None, phase_margin=None, delay_margin=None)
     for corners in _kept_clear(limits):
         clear.add("margins", None, 1.0, 0.0, corners=corners[None])
     if limits.delay_margin is not None:
@@ -349,12 +263,36 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     return clear.found
 
 
+def _margins_of_matrices(clear: _Clear, limits: Limits, omega: Real) -> None:
+    r"""Margins of changes in all loops at once: a disk for gain and phase, and what T leaves to any delays.
+
+    .. math:: \|2 S - I\| \le k \Leftrightarrow \underline\sigma(X + \tfrac{2}{k^2 - 1}) \ge \tfrac{2 k}{k^2 - 1}, \qquad k > 1,
+
+    and then a loop with factors f of its gains, ``|f - 1|/|f + 1| < 1/k``, is stable; with delays where
+    ``|T| < 1/(2 sin(phase/2))``.
+    """
+    sizes = list[float]()
+    if limits.gain_margin is not None:
+        sizes.append((limits.gain_margin + 1) / (limits.gain_margin - 1))
+    if limits.phase_margin is not None:
+        sizes.append(1 / math.tan(limits.phase_margin / 2))
+    for k in sizes:
+        clear.add("margins", None, 1 + 2 / (k**2 - 1), 2 * k / (k**2 - 1))
+    if limits.delay_margin is not None:
+        most = 1 / (2 * np.sin(np.minimum(omega * limits.delay_margin, math.pi) / 2))
+        for inside in (False, True):
+            which = np.equal(most < 1 + _LITTLE, inside)
+            m = np.minimum(most[which], 1 - _LITTLE) if inside else most[which]
+            clear.add("delay margin", which, 1 + 1 / (m**2 - 1), m / np.abs(m**2 - 1), inside=inside)
+
+
 def integrators_of(gain: float, discs: Discs) -> Conditions:
     """Least singular value of the factors K of the integrators of a matrix: C is about K/s at the lowest frequency."""
     lowest, ny = int(np.argmin(discs.omega)), discs.shape[0]
     w = np.array([(1 + _ABOVE) * gain / discs.omega[lowest]])
     one = np.eye(ny, dtype=complex)[None]
-    return Conditions("integral gain", np.array([lowest]), 0 * one, one, np.zeros((1, 0, ny)), w)
+    none = np.zeros((1, 0, ny, ny), complex)
+    return Conditions("integral gain", np.array([lowest]), 0 * one, one, none, none, w)
 
 
 def _kept_clear(limits: Limits) -> list[Complex]:

@@ -332,7 +332,9 @@ def design_controller(
         return _design(task, status, found, proof, finished)
     near = closest(task, budget, progress) if finished else None
     if near is not None:
-        return _design(task, DesignStatus.NONE, near.found, near.proof, near.finished, near.bounds)
+        kept = near.proof.kept  # found from limits that were relaxed, and proved to keep those that were asked for
+        status = DesignStatus.PROVED if kept else DesignStatus.NONE
+        return _design(task, status, near.found, near.proof, near.finished, None if kept else near.bounds)
     status = DesignStatus.NONE if finished else DesignStatus.UNFINISHED
     return ControllerDesign(
         status=status,

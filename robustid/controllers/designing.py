@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs, conditions_of, integrators_of
+from robustid.controllers.conditions import conditions_of, integrators_of
+from robustid.controllers.discs import Discs
 from robustid.controllers.factors import Factor
 from robustid.controllers.goals import Goal
 from robustid.controllers.limits import Limits
@@ -139,6 +140,11 @@ class Task:
         found = [one.discs(omega, self.smaller(omega)) for one, omega in zip(self.plants, omegas, strict=True)]
         return Discs.together(found)
 
+    def values(self, controller: StateMatrices, omega: Real) -> Complex:
+        """Values of a controller, of transposed plants transposed too."""
+        found = response_at(controller, points_of(omega, self.dt))
+        return found.swapaxes(1, 2) if self.plants[0].turned else found
+
     def with_frequencies(self, where: Sequence[float]) -> None:
         """Ask about further frequencies."""
         self.grids = [np.unique(np.concatenate([grid, where])) for grid in self.grids]
@@ -164,7 +170,7 @@ class Task:
 
     def _left(self, found: Found, plants: Plants, omega: Real) -> Real:
         """The least distance to a limit at every frequency, at most 1."""
-        values, worst = response_at(StateMatrices.of(found.controller), points_of(omega, self.dt)), np.ones(omega.size)
+        values, worst = self.values(StateMatrices.of(found.controller), omega), np.ones(omega.size)
         for one in conditions_of(self.asked(found.level), plants.discs(omega, self.smaller(omega))):
             np.minimum.at(worst, one.place, one.excess(values))
         return worst
@@ -206,14 +212,22 @@ class At:
         self.discs = task.discs(task.grids)
         self.owners = [k for k, grid in enumerate(task.grids) for _ in grid]
         omega = self.discs.omega
-        axes = self.basis.axes(omega)
-        plain = self.basis.into @ axes @ self.basis.out_of
+        self.into, self.out_of, self.held = self.basis.into, self.basis.out_of, self.basis.held
+        if task.plants[0].turned:
+            self.into, self.out_of, self.held = self.out_of.T, self.into.T, self.held.T
+        axes = self._axes(omega)
+        plain = self.into @ axes @ self.out_of
         falling = np.minimum(1.0, omega / np.exp(np.mean(np.log(omega))))  # an integrator is large where omega is small
         weighed = (falling[:, None] * self.discs.columns)[:, None, :, None] * plain
         flat = weighed.swapaxes(0, 1).reshape(self.basis.count, -1).T
         stacked = np.concatenate([flat.real, flat.imag])
         self.back = np.linalg.inv(np.linalg.qr(stacked, mode="r")) * math.sqrt(2 * omega.size)
         self.axes = self._in_basis(axes)
+
+    def _axes(self, omega: Real) -> Complex:
+        """Values of the functions between axes, (F, m, ...), of transposed plants transposed too."""
+        found = self.basis.axes(omega)
+        return found.swapaxes(2, 3) if self.task.plants[0].turned else found
 
     def _in_basis(self, values: Complex) -> Complex:
         """Values of the orthonormal combinations, (F, m, ...)."""
@@ -299,7 +313,7 @@ class At:
     def _starts(self, discs: Discs, limits: Limits, near: Found | None) -> Iterator[Complex]:
         """Values of controllers to begin with: one that is known, those that run, an integrator as loop, none."""
         if near is not None:
-            yield response_at(StateMatrices.of(near.controller), points_of(discs.omega, self.task.dt))
+            yield self.task.values(StateMatrices.of(near.controller), discs.omega)
         running = self._running(discs)
         if running.any():
             yield running
@@ -309,9 +323,8 @@ class At:
         if self.basis.integral.any() and discs.shape == (1, 1):  # with its integrator up to a part of the corner
             yield wanted * (1 + _PART * corner / (1j * discs.omega))[:, None, None] / discs.plant
         if discs.shape != (1, 1):  # the same of every loop by itself
-            basis, held = self.basis, self.basis.held
-            alone = np.where(held, (basis.out_of @ discs.plant @ basis.into).swapaxes(1, 2), 1.0)
-            yield (basis.into @ np.where(held, wanted / alone, 0.0) @ basis.out_of).astype(complex)
+            alone = np.where(self.held, (self.out_of @ discs.plant @ self.into).swapaxes(1, 2), 1.0)
+            yield (self.into @ np.where(self.held, wanted / alone, 0.0) @ self.out_of).astype(complex)
         if near is None and not running.any():
             yield running
 
@@ -331,7 +344,8 @@ class At:
         running = np.zeros((discs.omega.size, *discs.shape[::-1]), complex)
         for k, plants in enumerate(self.task.plants):
             own = np.equal(owners, k)
-            running[own] = plants.running(discs.omega[own])
+            ran = plants.running(discs.omega[own])
+            running[own] = ran.swapaxes(1, 2) if plants.turned else ran
         return running
 
     def question(self, limits: Limits) -> tuple[Question, Discs]:
@@ -340,17 +354,28 @@ class At:
         if limits.bandwidth is not None:
             end = np.array([limits.bandwidth])
             discs = Discs.together([discs, self.task.discs([end] * len(self.task.plants))])
-            last = self._in_basis(self.basis.axes(end))
+            last = self._in_basis(self._axes(end))
             axes = np.concatenate([axes, np.repeat(last, len(self.task.plants), axis=0)])
-        linear = None
-        if discs.shape == (1, 1) and self.basis.integral.any():
-            gain = (self.basis.integral @ self.back)[None]
-            lowest = int(np.argmin(discs.omega))  # an integrator is to lower what the loop that runs leaves there
-            one = discs.plant[lowest, 0, 0]
-            left = 1 + one * self._running(discs)[lowest, 0, 0]
-            sign = np.sign((one / left).real)
-            linear = sign * gain, np.array([limits.integral_gain or 0.0])
         conditions = conditions_of(limits.closer(self.task.spare), discs)
         if discs.shape != (1, 1) and limits.integral_gain is not None:
             conditions.append(integrators_of(limits.integral_gain, discs))
-        return Question(Functions(axes, self.basis.into, self.basis.out_of), conditions, linear), discs
+        return Question(Functions(axes, self.into, self.out_of), conditions, self._integrators(discs, limits)), discs
+
+    def _integrators(self, discs: Discs, limits: Limits) -> tuple[Real, Real] | None:
+        """Each integrator is to lower what the loop that runs leaves at the lowest frequency: ``G x >= h``.
+
+        Of stable matrices the limits tell it, whose loops are large there; a plant that is large itself hides an integrator.
+        """
+        running = self._running(discs)
+        single = discs.shape == (1, 1)
+        if not (self.basis.integral.any() and (single or running.any())):
+            return None
+        lowest = int(np.argmin(discs.omega))
+        P = discs.plant[lowest]
+        L: Complex = P @ running[lowest]
+        closed: Complex = np.asarray(np.linalg.solve(np.eye(len(P)) + L, P), dtype=complex)
+        left: Real = np.real(self.out_of @ closed @ self.into)
+        signs = np.sign(left if self.task.plants[0].turned else left.T)
+        rows = [signs[i, j] * (own @ self.back) for i, j, own in self.basis.integrators]
+        least = limits.integral_gain if single else None  # of matrices it is a singular value of all of them
+        return np.array(rows), np.full(len(rows), least or 0.0)

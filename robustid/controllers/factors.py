@@ -63,6 +63,8 @@ class PID:
 class Notch:
     r"""A notch, skewed or not: two zeros that are free over the poles :math:`s^2 + 2\zeta\omega s + \omega^2`.
 
+    Several of one pair of poles are Kautz functions with free factors.
+
     Parameters
     ----------
     omega : float or (float, float), rad/s
@@ -91,7 +93,7 @@ class Notch:
 
 @dataclasses.dataclass(frozen=True)
 class LeadLag:
-    """A pole at -omega with a zero that is free.
+    """A pole at -omega with a zero that is free; several of one pole are Laguerre functions with free factors.
 
     Parameters
     ----------

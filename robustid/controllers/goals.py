@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import ClassVar, get_args
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.discs import Discs
 from robustid.controllers.limits import Limits
 from robustid.core import as_float, as_kind, hz_words
 from robustid.errors import InputError

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.discs import Discs
 from robustid.core import Complex, Real
 from robustid.guarantees import ErrorSets
 

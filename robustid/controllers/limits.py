@@ -54,7 +54,7 @@ class Limits:
     complementary_peak : float or None
         Largest |T|, T = 1 - S; above 1.
     gain_margin : float or None
-        Factor by which the gain may grow; above 1.
+        Factor by which the gain may grow; above 1. Of matrices margins are those of changes in all loops at once.
     phase_margin : float or None
         In rad, on both sides.
     delay_margin : float or None

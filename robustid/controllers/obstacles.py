@@ -30,7 +30,7 @@ from robustid.controllers.factors import Factor
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import Matrix, basis_of, entries_of, free_of
-from robustid.core import Complex, Real, StateMatrices, poles_of, response_at
+from robustid.core import Complex, Real, StateMatrices, norms, poles_of, response_at
 
 _ROUNDING = 1e-9  # of poles and zeros on the edge of the stable region, and of what contradicts
 _NOTHING = 1e-12  # of the states and the outputs: a sample of an impulse response that is rounding
@@ -128,12 +128,13 @@ def _at_frequencies(plants: Plants, limits: Limits) -> Obstacle | None:
         needed = np.where(here, np.maximum(needed, value), needed)
     if limits.bandwidth is not None:
         needed = np.where(discs.omega <= limits.bandwidth, np.maximum(needed, _HALF), needed)
-    ny, nu = discs.shape
-    if ny > nu:  # no loop is large in all directions, whatever the limits
-        return None
-    _, sizes, right = np.linalg.svd(discs.centre / discs.units[:, None, :])
-    size, unit = sizes[:, -1], np.linalg.norm(right[:, ny - 1] * discs.units, axis=1)
-    least = discs.least if (ny, nu) == (1, 1) else size - discs.radius
+    ny = discs.shape[0]
+    if ny == 1:
+        size, unit, least = norms(discs.centre), np.ones(discs.omega.size), discs.least
+    else:
+        _, sizes, right = np.linalg.svd(discs.centre / discs.units[:, None, :])
+        size, unit = sizes[:, -1], np.linalg.norm(right[:, ny - 1] * discs.units, axis=1)
+        least = size - discs.radius
     share = np.where(needed > 0, (size - least) / np.maximum(size, np.finfo(float).tiny), 0.0)
     k = int(np.argmax(share))
     if share[k] >= 1 + _ROUNDING:
@@ -183,7 +184,7 @@ def means_of(plants: Plants, structure: tuple[Factor, ...] | Matrix, limits: Lim
     steps = _Steps.of(limits, math.pi / dt if dt else math.inf)
     if model.D.shape != (1, 1):
         if dt and _delay(model):
-            need = float(np.sum(np.log(np.abs(unstable_of(poles_of(model.A), dt))))) / len(model.D)
+            need = float(np.sum(np.log(np.abs(unstable_of(poles_of(model.A), dt))))) / min(model.D.shape)
             yield Obstacle(Law.BODE, need, steps.mean(np.log(steps.S), partial(_fejer, dt=dt, about=0.0, delay=1)), 0.0)
         return
     middle = [math.sqrt(low * high) for low, high in free_of(entries_of(structure, (1, 1)))]

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.discs import Discs
 from robustid.controllers.images import Chart, discs_of_entry, smallest_sets
 from robustid.controllers.limits import Limits, Template
 from robustid.controllers.loop_gain import largest_reciprocal
+from robustid.controllers.matrix_images import Quotients, discs_of_matrices
 from robustid.core import (
     Complex,
     Real,
@@ -123,7 +124,7 @@ class Plants:
     def discs(self, omega: Real, smaller: Real | None = None) -> Discs:
         """Discs and polygons that hold the values of all consistent plants at frequencies: those of the proof on arcs.
 
-        `smaller`: factors of the errors, (F,).
+        `smaller`: factors of the errors, (F,). Of fewer inputs than outputs those of the transposed plants: C P is that of P^T C^T.
         """
         factor = np.ones(omega.size) if smaller is None else smaller
         errors, around = self.band.circle.sets_at(omega), self.open_loop(omega)
@@ -131,20 +132,32 @@ class Plants:
             slope = around.part("y", "e")[0] * around.part("x", "r")[0]
             parts = (around.part("y", "r")[0], slope, around.part("x", "e")[0])
             found = discs_of_entry(omega, Chart(*(one[:, 0, 0] for one in parts)), smallest_sets(errors, factor))
-        elif self.in_open_loop:
-            bound = errors.bound
-            units = np.linalg.norm(bound, axis=1)  # every input in the unit of its own bounds
-            units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
-            if self.loop.shape[0] == 1:
-                units = np.ones(units.shape)
-            with np.errstate(invalid="ignore"):  # where nothing is known
-                reach = norm_of_bounds(bound / units[:, None])
-            found = Discs.of(omega, around.part("y", "r")[0], reach * factor, units)
         else:
-            (balls,) = [one["process_sensitivity"] for one in around.over(errors)]
-            found = Discs.of(omega, balls.centre, balls.radius * factor, np.ones((omega.size, self.loop.shape[0])))
-        _check_bounded(omega, found.radius)
+            _check_bounded(omega, errors.bound.max(axis=(1, 2)))
+            ball = around.balls(errors.bound * factor[:, None, None])["process_sensitivity"].radius
+            found = discs_of_matrices(omega, self._quotients(omega, around, errors.bound), ball, factor)
+        _check_bounded(omega, found.radius * found.units.max(axis=1))
         return found
+
+    @property
+    def turned(self) -> bool:
+        """True of fewer inputs than outputs: the transposed plant is what a controller is designed for."""
+        nu, ny = self.loop.shape
+        return nu < ny
+
+    def _quotients(self, omega: Real, around: LoopValues, bound: Real) -> Quotients:
+        """Values about the model, how they depend on the errors, and what the controller that ran makes of it."""
+        parts = [around.part(*one)[0] for one in (("y", "r"), ("y", "e"), ("x", "r"), ("x", "e"))]
+        value, left, right, inner = parts
+        running = np.zeros((omega.size, *self.loop.shape), complex)
+        if not self.in_open_loop:
+            running = self.running(omega)
+        if not self.turned:
+            return Quotients(value, left, right, inner, bound, running)
+        value, left, right, inner, bound, running = (
+            one.swapaxes(1, 2) for one in (value, right, left, inner, bound, running)
+        )
+        return Quotients(value, left, right, inner, bound, running)
 
     def open_loop(self, omega: Real) -> LoopValues:
         """Values about the model of the loop without a controller."""
@@ -193,10 +206,10 @@ class Plants:
                     S = balls["sensitivity"]
                     real = (S.centre + S.centre.conj().swapaxes(1, 2)) / 2
                     size = (np.linalg.eigvalsh(real)[:, -1] + S.radius) / _HALF
-                    if self.loop.shape == (1, 1):
+                    if min(self.loop.shape) == 1:
                         size = largest_reciprocal(S.centre[:, 0, 0], S.radius)
                     if self.in_open_loop and self.loop.shape != (1, 1):
-                        size = np.minimum(size, _closed_share(values, bounds))
+                        size = np.minimum(size, _closed_share(values, bounds, self.turned))
                 else:
                     size = template.share(balls[template.map], value)
                 found.append(np.where(here, np.maximum(size, 0.0), 0.0))
@@ -234,17 +247,32 @@ def _about_fewer_states(band: Band) -> Band:
     return band
 
 
-def _closed_share(values: LoopValues, bounds: Real) -> Real:
+def _closed_parts(
+    values: LoopValues, bounds: Real, turned: bool
+) -> tuple[tuple[Complex, Real], tuple[Complex, Real], Real]:
+    """S and C S about the model with what holds around them, and the bounds; `turned`: of the transposed plants."""
+    if not turned:
+        return values.part("y", "d"), values.part("x", "d"), bounds
+    (S, far), (CS, away) = values.part("u", "r"), values.part("u", "d")
+    return (S.swapaxes(1, 2), far.swapaxes(1, 2)), (CS.swapaxes(1, 2), away.swapaxes(1, 2)), bounds.swapaxes(1, 2)
+
+
+def _closed_share(values: LoopValues, bounds: Real, turned: bool) -> Real:
     r"""A number that is at most 1 only where the smallest singular value of L is at least 1 for all plants in open loop, (N,).
 
     With ``L = (T + \Delta C S) S^{-1}`` about the model it is where :math:`\|T v\| - \|S v\| - r \|D C S v\| \ge 0` for all v, with
     ``|Delta| <= r D``; that is at least the smallest eigenvalue of
-    :math:`T^* T - (1 + \tau) S^* S - (1 + 1/\tau) r^2 (D C S)^* D C S`, for any positive tau, over the sum of the three norms.
+    :math:`T^* T - (1 + \tau) S^* S - (1 + 1/\tau) r^2 (D C S)^* D C S`, for any positive tau, over the sum of the three norms. Of
+    one row the entries of Delta C S are added, which is exact. `turned`: of the transposed plants, whose L is that of C P.
     """
-    units = np.linalg.norm(bounds, axis=1)
+    (S, far), (CS, away), errors = _closed_parts(values, bounds, turned)
+    if S.shape[1] == 1:
+        added = np.sum(errors[:, 0] * (np.abs(CS) + away)[:, :, 0], axis=1) + far[:, 0, 0]
+        least = np.abs(1 - S[:, 0, 0]) - added
+        return (np.abs(S) + far)[:, 0, 0] / np.maximum(least, np.finfo(float).tiny)
+    units = np.linalg.norm(errors, axis=1)
     units = np.maximum(units, _LITTLE * units.max(axis=1, keepdims=True) + np.finfo(float).tiny)
-    reach = norm_of_bounds(bounds / units[:, None])[:, None, None] * units[:, :, None]
-    (S, far), (CS, away) = values.part("y", "d"), values.part("x", "d")
+    reach = norm_of_bounds(errors / units[:, None])[:, None, None] * units[:, :, None]
     T, given = np.eye(S.shape[1]) - S, reach * CS
     sizes = norms(S), norms(given)
     squares = [one.conj().swapaxes(1, 2) @ one for one in (T, S, given)]

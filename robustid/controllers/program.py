@@ -10,7 +10,7 @@ import clarabel
 import numpy as np
 import scipy.sparse
 
-from robustid.controllers.conditions import Indices
+from robustid.controllers.discs import Indices
 from robustid.core import Complex, Real
 
 _TOLERANCE = 1e-6  # of the solver: what it finds is judged by its numbers
@@ -45,16 +45,16 @@ class Functions(NamedTuple):
         """At some of the points."""
         return Functions(self.axes[place], self.into, self.out_of)
 
-    def scaled(self, q: Real) -> Complex:
-        r"""Values whose largest singular value bounds that of ``diag(q)`` times the whole, (N, m, ...): between axes, one to each.
+    def scaled(self, q: Complex) -> Complex:
+        r"""Values with a singular value at least that of Q (N, nu, nu) times the whole, (N, m, ...): between axes, one to each.
 
         With t the norms of the columns of Q A and w those of the rows of B,
         :math:`\|Q A D B\| \le \|Q A T^{-1}\| \max_i t_i |d_i| w_i \|W^{-1} B\|`; else exact.
         """
         held = np.any(self.axes != 0, axis=(0, 1))
         if held.sum(axis=0).max() > 1 or held.sum(axis=1).max() > 1:
-            return q[:, None, :, None] * self.whole
-        before, w = q[:, :, None] * self.into, np.linalg.norm(self.out_of, axis=1)
+            return q[:, None] @ self.whole
+        before, w = q @ self.into, np.linalg.norm(self.out_of, axis=1)
         t = np.maximum(np.linalg.norm(before, axis=1), np.finfo(float).tiny)
         lost = np.linalg.norm(before / t[:, None, :], 2, axis=(1, 2)) * np.linalg.norm(self.out_of / w[:, None], 2)
         return self.axes * (lost[:, None] * t)[:, None, :, None] * w
@@ -124,32 +124,41 @@ class Program:
         self.size += count
         return found
 
-    def norms(self, place: Indices, q: Real, functions: Functions) -> list[Helper]:
-        """Helpers that are at least ``|diag(q_k) C|``, (N, k, nu), with C of functions at N places; less each.
+    def norms(self, place: Indices, q: Complex, shift: Complex, functions: Functions) -> list[Helper]:
+        """Helpers that are at least ``|Q_k C + A_k|``, (N, k, nu, ...), with C of functions at N places; less each.
 
         Those of the same place are the same for all conditions. They are in units of the largest function.
         """
         found: list[Helper] = []
         for k in range(q.shape[1]):
-            keys = [(int(at), row.tobytes()) for at, row in zip(place, q[:, k], strict=True)]
+            every = zip(place, q[:, k], shift[:, k], strict=True)
+            keys = [(int(at), one.tobytes() + other.tobytes()) for at, one, other in every]
             first = {key: n for n, key in reversed(list(enumerate(keys))) if key not in self._norms}
             new = np.array(sorted(first.values()), dtype=int)
-            values = functions.at(new).scaled(q[new, k])
-            units = np.maximum(np.abs(values).max(axis=(1, 2, 3), initial=0.0), np.finfo(float).tiny)
-            for n, index, unit in zip(new, self.helpers(new.size), units.tolist(), strict=True):
-                self._norms[keys[n]] = int(index), unit
+            moved = np.any(shift[new, k], axis=(1, 2))
+            for some, own in ((new[~moved], False), (new[moved], True)):
+                at, A = functions.at(some), shift[some, k]
+                values = q[some, k][:, None] @ at.whole if own else at.scaled(q[some, k])
+                units = np.maximum(np.abs(values).max(axis=(1, 2, 3), initial=0.0), np.finfo(float).tiny)
+                units = np.maximum(units, np.abs(A).max(axis=(1, 2), initial=0.0))
+                index = self.helpers(some.size)
+                for n, helper, unit in zip(some, index, units.tolist(), strict=True):
+                    self._norms[keys[n]] = int(helper), unit
+                if some.size:
+                    self._at_least(
+                        index, values / units[:, None, None, None], A / units[:, None, None] if own else None
+                    )
             index = np.array([self._norms[key][0] for key in keys])
-            if new.size:
-                self._at_least(index[new], values / units[:, None, None, None])
             found.append((index, -np.array([self._norms[key][1] for key in keys])))
         return found
 
-    def _at_least(self, index: Indices, values: Complex) -> None:
-        """Helpers not below norms of ``values x``: by entries where no row and no column holds two of them."""
+    def _at_least(self, index: Indices, values: Complex, fixed: Complex | None) -> None:
+        """Helpers not below norms of ``values x + fixed``: by entries where no row and no column holds two of them."""
         none, helper = np.zeros(len(values)), [(index, np.ones(len(values)))]
         held = np.any(values != 0, axis=(0, 1))
-        if held.sum(axis=0).max() > 1 or held.sum(axis=1).max() > 1:
-            self.norm(values, np.zeros((len(values), *held.shape), complex), none, none, helper)
+        if fixed is not None or held.sum(axis=0).max() > 1 or held.sum(axis=1).max() > 1:
+            rest = np.zeros((len(values), *held.shape), complex) if fixed is None else fixed
+            self.norm(values, rest, none, none, helper)
             return
         for i, j in np.argwhere(held):
             self.norm(values[:, :, i : i + 1, j : j + 1], np.zeros((len(values), 1, 1), complex), none, none, helper)

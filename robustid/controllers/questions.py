@@ -37,7 +37,7 @@ def check_question(
     if (nu, ny) == (1, 1):
         _check_cancelled(plants, products[0])
     else:
-        _check_matrices(goal.asked(limits, 1.0), products, (nu, ny), isinstance(goal, Attenuation))
+        _check_matrices(goal.asked(limits, 1.0), products, (nu, ny))
     if isinstance(goal, LeastControl):
         _check_action(plants, limits)
 
@@ -103,29 +103,15 @@ def _fixed(factors: Sequence[Factor]) -> Iterator[StateMatrices]:
             yield from (system for system, _ in one.parts([]).systems)
 
 
-def _check_matrices(
-    limits: Limits, products: Sequence[Sequence[Factor]], shape: tuple[int, int], attenuates: bool
-) -> None:
-    """Limits that are of one loop, what outputs keep that no input moves, and integrators fewer than the outputs."""
+def _check_matrices(limits: Limits, products: Sequence[Sequence[Factor]], shape: tuple[int, int]) -> None:
+    """Integrators fewer than the outputs."""
     nu, ny = shape
-    if nu < ny and (attenuates or limits.bandwidth is not None or any(row[2] < 1 for row in limits.attenuation)):
-        raise InputError(
-            f"`bands` must have as many inputs as outputs for a bandwidth or an attenuation of all outputs; got {nu} inputs and"
-            f" {ny} outputs: some direction of these no input moves, and |S| is at least 1 in it at every frequency. Identify the"
-            " outputs that are to follow, as many as inputs"
-        )
     count = sum(map(_integrators, products))
     if limits.integral_gain is not None and (nu != ny or count < ny):
         raise InputError(
             f"`structure` must hold an integrator for each of {ny} outputs, and the plant as many inputs, for their least gain to"
             f" be large; got {count} integrators and {nu} inputs"
         )
-    for name in ("gain_margin", "phase_margin", "delay_margin"):
-        if getattr(limits, name) is not None:
-            raise InputError(
-                f"`{name}` is of one input and one output; got {ny} outputs. The peak of the sensitivity keeps margins of"
-                " all loops"
-            )
 
 
 def _check_integral(products: Sequence[Sequence[Factor]], limits: Limits, goal: Goal, dt: float) -> None:

@@ -159,24 +159,24 @@ def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions)
     basis, unit = functions.whole, _units(one)
     if one.inside:  # |a + b C| <= w - unit t - sum |Q C|
         values = np.einsum("npj,nmjq->nmpq", one.b, basis)
-        program.norm(values, one.a, -unit, one.w, program.norms(one.place, one.q, functions))
+        program.norm(values, one.a, -unit, one.w, program.norms(one.place, one.q, one.shift, functions))
         return
     turned = turn.conj().swapaxes(1, 2)
     if one.a.shape[1:] == (1, 1) and basis.shape[2] > 1:  # one output of several inputs
         ahead = np.einsum("np,npj,nmjq->nm", turned[:, 0], one.b, basis).real
         fixed = np.real(turned[:, 0, 0] * one.a[:, 0, 0]) - np.real(turned[:, 0] * one.corners).max(axis=1) - one.w
-        program.not_negative(ahead, -unit, fixed, program.norms(one.place, one.q, functions))
+        program.not_negative(ahead, -unit, fixed, program.norms(one.place, one.q, one.shift, functions))
         return
     if one.a.shape[1:] == (1, 1):
         turned, values = turned[:, 0], basis[:, :, 0, 0]
         if one.outside:  # Re turned q C - w - unit t >= |a + b C|
-            ahead = np.real(turned * one.q[:, 0] * values)
+            ahead = np.real(turned * one.q[:, 0, 0] * values)
             program.hold(ahead, -unit, -one.w, one.b[:, 0] * values, one.a[:, 0, 0])
             return
         fixed = np.real(turned[:, 0] * one.a[:, 0, 0]) - np.real(turned * one.corners).max(axis=1) - one.w
-        ahead, small = np.real(turned * one.b[:, 0] * values), one.q[:, 0, 0, None] * values
+        ahead, small = np.real(turned * one.b[:, 0] * values), one.q[:, 0, 0] * values
         program.hold(ahead, -unit, fixed, small, np.zeros(one.w.shape, complex))
         return
     ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
     fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])
-    program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, functions))
+    program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, one.shift, functions))

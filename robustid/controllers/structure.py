@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -152,6 +152,17 @@ class Basis:
     def count(self) -> int:
         """Number of functions."""
         return sum(len(one.D) for *_, one in self.parts)
+
+    @property
+    def integrators(self) -> Iterator[tuple[int, int, Real]]:
+        """Entries with an integrator, and its factor by those of all functions, (m,)."""
+        place = 0
+        for i, j, one in self.parts:
+            own = np.zeros(self.count)
+            own[place : place + len(one.D)] = self.integral[place : place + len(one.D)]
+            place += len(one.D)
+            if own.any():
+                yield i, j, own
 
     def response(self, omega: Real) -> Complex:
         """Values at frequencies in rad/s, (F, m, nu, ny)."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from robustid.controllers.conditions import Discs
+from robustid.controllers.discs import Discs
 from robustid.controllers.images import smallest_sets
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants

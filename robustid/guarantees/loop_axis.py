@@ -41,7 +41,7 @@ class Peak(NamedTuple):
 
 
 class LoopMargins(NamedTuple):
-    """Margins that every consistent plant has with the controller, at least; at the outputs of the plant.
+    """Margins that every consistent plant has with the controller, at least; at the outputs of the plant, or its inputs if fewer.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class LoopAxis:
     def _of(self, balls: Mapping[str, Balls], top: Real) -> Real:
         sensitivity = balls["sensitivity"]
         found = [balls[name].largest for name in MAPS]
-        found.append(sensitivity.about(np.eye(self.shape[1]) / 2).largest)
+        found.append(sensitivity.about(np.eye(min(self.shape)) / 2).largest)
         if self.shape == (1, 1):
             found += worst_of(sensitivity, top)
         else:

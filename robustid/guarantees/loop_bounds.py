@@ -75,7 +75,8 @@ class LoopBounds(Frozen, Drawable, Savable):
         Those of the band.
     sensitivity, complementary_sensitivity, process_sensitivity, control_sensitivity : (F,) array
         Bounds of S = (I + P C)^-1, T = I - S, P-S and C-S there, in the largest singular value; infinite where a plant may not be
-        stabilised. Of one input and one output exact in the discs of the band.
+        stabilised. Of one input and one output exact in the discs of the band. Where the plant has fewer inputs than outputs S and
+        T are those at its inputs, (I + C P)^-1: at the outputs some direction is moved by no input.
     peaks : dict of str to Peak
         Of these four on the whole axis.
     margins : LoopMargins

@@ -113,16 +113,17 @@ class LoopValues(NamedTuple):
     def balls(self, within: Real | Held) -> dict[str, Balls]:
         """The maps S, T = I - S, P S and C S over all Delta in discs, or of at most so much; infinite where a loop may be singular.
 
-        A bound (N, ny, nu), or discs of the entries; of matrices those about 0.
+        A bound (N, ny, nu), or discs of the entries; of matrices those about 0. S and T are those at the outputs of the plant, or
+        at its inputs where these are fewer.
         """
         held = within if isinstance(within, Held) else Held.about_zero(within)
         found = {
-            "sensitivity": self._ball("y", "d", held),
+            "sensitivity": self._ball(*(("u", "r") if self.shape[0] < self.shape[1] else ("y", "d")), held),
             "process_sensitivity": self._ball("y", "r", held),
             "control_sensitivity": self._ball("u", "d", held),
         }
         one = found["sensitivity"]
-        found["complementary_sensitivity"] = Balls(np.eye(self.shape[1]) - one.centre, one.radius)
+        found["complementary_sensitivity"] = Balls(np.eye(min(self.shape)) - one.centre, one.radius)
         return found
 
     def part(self, row: str, column: str) -> tuple[Complex, Real]:

@@ -30,6 +30,11 @@ _NAMES = {
     "process_sensitivity": "P S, from a disturbance at the input to the output",
     "control_sensitivity": "C S, from a disturbance at the output to the input",
 }
+_AT_INPUTS = {
+    **_NAMES,
+    "sensitivity": "S at the inputs, (I + C P)⁻¹, from a disturbance at the input to the input",
+    "complementary_sensitivity": "T = I − S at the inputs, from a disturbance at the input to what answers it",
+}  # of fewer inputs than outputs
 _ZERO = 1e-2  # of the lowest frequency of a band: a peak that is found below is at 0
 
 
@@ -144,11 +149,16 @@ def peaks_table(bounds: LoopBounds) -> Table:
             f"{at_most(known[name].value)} {units_of[name].strip(' []')}".rstrip(),
             number(known[name].omega / HZ if known[name].omega > _ZERO * lowest else 0.0, 5),
         ]
-        for name, words in _NAMES.items()
+        for name, words in _names(bounds).items()
         if np.isfinite(known[name].value)
     ]
     heads = Column("map of the loop"), *of_numbers("largest with any plant", "near [Hz]")
     return Table(heads, rows, empty=f"No peak is bounded: {bounds.unbounded}.")
+
+
+def _names(bounds: LoopBounds) -> dict[str, str]:
+    nu, ny = bounds.loop.shape
+    return _AT_INPUTS if nu < ny else _NAMES
 
 
 def map_units(bounds: LoopBounds) -> dict[str, str]:

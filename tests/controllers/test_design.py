@@ -6,8 +6,9 @@ import pytest
 import scipy.signal
 
 import robustid as rid
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import conditions_of
 from robustid.controllers.designing import At, Task
+from robustid.controllers.discs import Discs
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import basis_of
 from robustid.core import StateMatrices, points_of

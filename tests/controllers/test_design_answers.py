@@ -11,8 +11,9 @@ import pytest
 
 import robustid as rid
 from robustid.controllers import designing, proved_search
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import conditions_of
 from robustid.controllers.designing import Task
+from robustid.controllers.discs import Discs
 from robustid.controllers.obstacles import Law, means_of, obstacle_of
 from robustid.controllers.plants import Plants
 from robustid.core import StateMatrices, points_of, response_at

@@ -5,15 +5,18 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import conditions_of
+from robustid.controllers.designing import At, Task
+from robustid.controllers.discs import Discs
+from robustid.controllers.goals import as_goal
 from robustid.controllers.limits import TEMPLATES
 from robustid.controllers.obstacles import Law, obstacle_of
 from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions, _pauli, _triangle
 from robustid.controllers.search import _ask
-from robustid.controllers.structure import basis_of, integral_gain
+from robustid.controllers.structure import as_structure, basis_of, integral_gain
 from robustid.core import StateMatrices, points_of, response_at
-from robustid.design import PID, Attenuation, Limits, Matrix, Notch
+from robustid.design import PID, Limits, Matrix, Notch
 from support.design_cases import DT, matrix_band_of
 
 
@@ -82,9 +85,18 @@ def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
     }
     limits |= {"disturbance": limits["process_peak"], "action": limits["control_peak"]}
     limits["tracking"] = 0.6, lambda L, _: 0.36 * (one + np.linalg.inv(L))  # the inverse of T: at least 0.6
+    # |2 S - I| <= k: gains of all loops times (k + 1)/(k - 1), and phases; |T| of delays, at 1 rad/s
+    limits["gain_margin"] = 2.0, lambda L, _: 2 / 3 * (2 * np.linalg.inv(one + L) - one)
+    limits["phase_margin"] = 0.6, lambda L, _: 0.6 * np.tan(0.3) * (2 * np.linalg.inv(one + L) - one)
+    for limit in (0.8, 1.5):  # |T| at most above and below 1
+        limits[f"delay_margin {limit}"] = (
+            limit,
+            lambda L, _, m=limit: 2 * m * np.sin(m / 2) * (one - np.linalg.inv(one + L)),
+        )
     for name, (limit, part) in limits.items():
         given = [(0.5, 2.0, limit)] if name in TEMPLATES else limit
-        (condition,) = conditions_of(Limits(**{"sensitivity_peak": None, name: given}), discs)
+        every = conditions_of(Limits(**{"sensitivity_peak": None, name.split()[0]: given}), discs)
+        (condition,) = (one for one in every if one.place.size)
         kept = 0
         for _ in range(60):
             C = random(rng, 2, 2) * 10 ** rng.uniform(-1, 0.7)
@@ -98,7 +110,7 @@ def test_with_its_own_direction_a_cone_is_the_condition():
     """The rows of the program at a controller, in its own directions: as far inside of their cones as the condition says."""
 
     class Seen:
-        def norms(self, place, q, functions):
+        def norms(self, *_):
             return []
 
         def semidefinite(self, values, fixed, slack, helpers):
@@ -117,17 +129,18 @@ def test_with_its_own_direction_a_cone_is_the_condition():
 
 def test_values_between_axes_bound_those_of_the_whole():
     rng = np.random.default_rng(4)
-    q, into, out_of = rng.uniform(0, 1, (20, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 4))
+    sizes, into, out_of = rng.uniform(0, 1, (20, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 4))
+    q = sizes[:, :, None] * np.eye(3)
     for held in (np.eye(2), np.ones((2, 2))):
         functions = Functions(random(rng, 20, 5, 2, 2) * held, into, out_of)
         x = rng.standard_normal(5)
-        true = largest(q[:, :, None] * np.einsum("nmij,m->nij", functions.whole, x))
+        true = largest(q @ np.einsum("nmij,m->nij", functions.whole, x))
         found = largest(np.einsum("nmij,m->nij", functions.scaled(q), x))
         assert np.all(found >= true * (1 - 1e-12))
         if held.sum() == 4:
             assert found == pytest.approx(true)
     alone = Functions(random(rng, 20, 5, 3, 3) * np.eye(3), np.eye(3), np.eye(3))
-    true = largest(q[:, :, None] * np.einsum("nmij,m->nij", alone.whole, x))
+    true = largest(q @ np.einsum("nmij,m->nij", alone.whole, x))
     assert largest(np.einsum("nmij,m->nij", alone.scaled(q), x)) == pytest.approx(true)
 
 
@@ -207,6 +220,23 @@ def test_the_least_gain_of_integrators(small):
     assert found.level <= np.linalg.svd((z - 1) / DT * found.controller(z))[1][-1] * (1 + 1e-5)
 
 
+def test_margins_of_all_loops_at_once(small):
+    """Found at frequencies at one level, proved on the axis, and with the gains of both loops changed."""
+    plant, band = small
+    limits = Limits(sensitivity_peak=1.8, gain_margin=2.5, phase_margin=0.7, delay_margin=0.008)
+    task = Task.of([Plants.of(band)], as_structure(PID()), limits, as_goal("integral gain"))
+    found = At(task, task.middle).found(20.0)
+    proof = task.proof(found)
+    margins = proof.proofs[0].margins
+    assert proof.kept
+    assert margins.gain[1] >= 2.5
+    assert margins.phase >= 0.7
+    assert margins.delay >= 0.008
+    for gains in ((1.0, 1.0), (2.5, 2.5), (0.4, 2.5), (2.5, 0.4)):
+        other = control.ss(plant.A, plant.B * gains, plant.C, plant.D, DT)
+        assert np.abs(control.feedback(other, found.controller).poles()).max() < 1
+
+
 def test_one_loop_to_each_axis(small):
     plant, band = small
     check(plant, rid.design_controller(band, PID(), limits=Limits(sensitivity_peak=1.8)), 1.8)
@@ -274,7 +304,6 @@ def test_a_full_controller_is_not_worse_than_one_of_each_axis():
     [
         ({"structure": Matrix([[PID(), None]])}, "2 rows of 2 entries; got 1 rows of 2"),
         ({"structure": Matrix([[PID(), None], [PID(), PID()]])}, "got 2 in row 2"),
-        ({"limits": Limits(gain_margin=2.0)}, "`gain_margin` is of one input and one output"),
         (
             {"maximise": "integral gain", "structure": Matrix([[PID(), None], [None, PID(integral=False)]])},
             "an integrator for each of 2 outputs.*got 1 integrators and 2 inputs",
@@ -284,34 +313,6 @@ def test_a_full_controller_is_not_worse_than_one_of_each_axis():
 def test_what_makes_no_sense_for_a_matrix_is_refused(small, change, words):
     with pytest.raises(rid.InputError, match=words):
         rid.design_controller(small[1], **{"structure": PID(), **change})
-
-
-@pytest.mark.parametrize("maximise", ["bandwidth", Attenuation(0.5, 1.0)])
-def test_outputs_that_no_input_moves_are_told_before_the_search(maximise):
-    """S has a singular value of 1 at least where P C has fewer columns than rows: w* P C = 0 gives w* S = w*."""
-    omega = np.linspace(0.5, 31.0, 12)
-    z = np.exp(0.1j * omega)
-    values = np.stack([0.1 / (z - 0.9), 0.05 / (z - 0.8)], axis=1)[:, :, None]
-    frf = rid.FrequencyResponse(omega, values, bound=0.01, dt=0.1)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
-    with pytest.raises(rid.InputError, match="got 1 inputs and 2 outputs"):
-        rid.design_controller(rid.band(rid.identify(problem)), Matrix([[PID(), None]]), maximise=maximise)
-
-
-def test_one_output_of_two_inputs():
-    omega, top = np.linspace(0.5, 31.0, 12), np.linspace(0.01, 31.4, 2000)
-
-    def plant(omega):
-        z = np.exp(0.1j * omega)
-        return np.stack([0.1 / (z - 0.9), 0.05 / (z - 0.8)], axis=1)[:, None]
-
-    frf = rid.FrequencyResponse(omega, plant(omega), bound=0.01, dt=0.1)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
-    found = rid.design_controller(rid.band(rid.identify(problem)), Matrix([[PID()], [PID(integral=False)]]))
-    assert found.status.name == "PROVED"
-    L = (plant(top) @ responses(found.controller, top))[:, 0, 0]
-    assert np.abs(1 / (1 + L)).max() <= 2
-    assert np.abs(L[top <= found.level]).min() >= 1
 
 
 def test_matrices_that_are_none_are_refused():

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.controllers.conditions import Discs, conditions_of
+from robustid.controllers.conditions import conditions_of
+from robustid.controllers.discs import Discs
 from robustid.controllers.limits import Limits
 from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions

@@ -29,10 +29,10 @@ def through(values, change):
     x, e = slice(nu + ny, None), slice(nu, nu + ny)
     whole = V + V[:, :, e] @ change @ np.linalg.inv(np.eye(nu) - V[:, x, e] @ change) @ V[:, x, :]
     u, y, r, d = slice(0, nu), slice(nu, nu + ny), slice(0, nu), slice(nu + ny, None)
-    S = whole[:, y, d]
+    S = whole[:, u, r] if nu < ny else whole[:, y, d]  # at the inputs where these are fewer
     return {
         "sensitivity": S,
-        "complementary_sensitivity": np.eye(ny) - S,
+        "complementary_sensitivity": np.eye(min(nu, ny)) - S,
         "process_sensitivity": whole[:, y, r],
         "control_sensitivity": whole[:, u, d],
     }
