@@ -115,7 +115,9 @@ def identify(
     _check_arguments(problem, objective, form)
     accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress, "margin and model")
     formulation = formulate(problem, form, accuracy)
-    formulation.check_step(budget.seconds)
+    formulation.check_memory()
+    if formulation.is_late(budget.seconds):  # what is known before the first step is all that there is
+        budget = budget.share(0.0)
     with threads_for(formulation.count * max(1, problem.entries.count // 2)):
         return _identify(formulation, objective, solver, accuracy, budget)
 

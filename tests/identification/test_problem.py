@@ -86,7 +86,7 @@ def test_equations_of_many_entries_that_no_memory_holds_are_refused_at_once():
 
 @pytest.mark.parametrize("time_limit", [5.0, None])
 def test_a_matrix_whose_single_step_is_out_of_reach_is_refused_at_once(time_limit):
-    """100 x 4 entries: of its time where there is a limit, of its memory where there is none."""
+    """100 x 4 entries: of its memory, whatever time there is."""
     frf = rid.FrequencyResponse(np.linspace(1.0, 30.0, 20), np.ones((20, 100, 4)), bound=0.1, dt=0.1)
     many = problem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.2), parametric=pair(3.0))
     words = r"in its 400 entries: one step .* s and matrices of .* GB, .* Take single entries"

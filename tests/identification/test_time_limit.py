@@ -4,6 +4,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import Source
+from support.matrix_plants import random_matrix_problem
 from support.problems import random_problem
 
 pytestmark = pytest.mark.quick
@@ -45,6 +46,16 @@ def test_without_time_the_interval_is_wide_and_holds_the_margin(question, object
     assert found.accuracy >= whole.accuracy
     assert any(note.startswith("stopped at the time limit") for note in found.notes)
     assert found.status is (rid.Status.CONSISTENT if found.margin <= 1 else rid.Status.UNDECIDED)
+
+
+def test_of_a_matrix_no_step_begins_that_would_take_longer_than_there_is_time(monkeypatch):
+    problem, _ = random_matrix_problem(2, 2, 2)
+    whole = rid.identify(problem)
+    monkeypatch.setattr("robustid.identification.formulation.base._PER_SECOND", 1.0)
+    found = rid.identify(problem, solver="structured", time_limit=60.0)
+    check(problem, found, whole)
+    assert found.notes[0].startswith("stopped at the time limit")
+    assert found.margin_lower < 0.5 * whole.margin_lower
 
 
 @pytest.mark.parametrize("calls", [2, 6])

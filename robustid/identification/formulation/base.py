@@ -183,18 +183,21 @@ class Formulation(Frozen, Functions):
                 ),
             )
 
-    def check_step(self, seconds: float | None) -> None:
-        """Refuse a matrix whose single Newton step takes longer than a solution may, or more memory than there is."""
+    def check_memory(self) -> None:
+        """Refuse a matrix whose Newton step takes more memory than there is."""
         entries, unknowns = self.problem.entries.count, self.count * self.problem.entries.count
-        takes, stored = self.work / _PER_SECOND, 8e-9 * unknowns**2
-        late = seconds is not None and takes > max(seconds, _PATIENCE)
-        if entries > 1 and (late or stored > _STORED):
-            limit = f"`time_limit` is {seconds:.3g} s" if late else f"{_STORED:g} GB are possible"
+        stored = 8e-9 * unknowns**2
+        if entries > 1 and stored > _STORED:
             raise SizeError(
                 f"`problem` has {unknowns} coefficients in its {entries} entries: one step of its solution takes about"
-                f" {takes:.2g} s and matrices of {stored:.2g} GB, {limit}. ",
+                f" {self.work / _PER_SECOND:.2g} s and matrices of {stored:.2g} GB, {_STORED:g} GB are possible. ",
                 Remedy({}, "Take single entries, frf.entry(output, input), a larger decay, or fewer points"),
             )
+
+    def is_late(self, seconds: float | None) -> bool:
+        """Tell of a matrix whether a single Newton step takes longer than a solution may."""
+        late = seconds is not None and self.work / _PER_SECOND > max(seconds, _PATIENCE)
+        return late and not self.problem.entries.single
 
     @property
     def size_words(self) -> str:
