@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from robustid.core import Workers
+from robustid.core import Workers, worker_pool
 from robustid.errors import SolverError
 from support.dying import attempted
 
@@ -48,6 +48,15 @@ def test_a_process_that_dies_takes_its_own_item_only(tmp_path):
 def test_an_item_that_ends_every_process_ends_the_work(tmp_path):
     with Workers(1) as workers, pytest.raises(SolverError, match="deadly failed 3 times"):
         dict(workers.run(attempted, (tmp_path,), ["deadly"], str))
+
+
+def test_what_nobody_waits_for_ends_with_the_pool():
+    with worker_pool(1) as pool:
+        future = pool.submit(time.sleep, 600)
+        while not future.running():
+            time.sleep(0.01)
+        pool.end()
+    assert isinstance(future.exception(), concurrent.futures.BrokenExecutor)
 
 
 @pytest.mark.skipif(not hasattr(os, "kill") or sys.platform == "win32", reason="needs signals")

@@ -244,6 +244,8 @@ def _swept(console: Terminal, frf: FrequencyResponse, asked: Options) -> OrderSw
                 screen.say(console, *diagram.lines(sweep))
 
         sweep = suggest_order(frf, executor=pool, progress=tell, grown=grown, **asked)
+        if sweep.interrupted:
+            pool.end()
     if sweep.orders.size > 1 and sweep.suggested == sweep.orders[-1]:
         warn(console, f"order {sweep.suggested} is the largest one tried; give a larger --order by hand to compare")
     return sweep
