@@ -124,10 +124,16 @@ def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit
         return progress
 
     monkeypatch.setattr(screen, "told", stopping)
-    monkeypatch.setattr("robustid.core.worker_pool", lambda: ThreadPoolExecutor(1))  # processes import everything
+
+    class Threads(ThreadPoolExecutor):  # processes would import everything
+        def end(self):
+            ended.append(True)
+
+    ended = []
+    monkeypatch.setattr("robustid.core.worker_pool", lambda: Threads(1))
     code, out, err = run(["fit", "frf.npz", "--order", "auto", "-o", "fit", "--report", "fit.html"])
     said = "Interrupted: Ctrl-C ended the sweep over the order before its end"
-    assert code == 130, err
+    assert (code, ended) == (130, [True]), err
     assert " ".join(out.split()).index(said) < out.index("onverged")
     assert "next, the page, which Ctrl-C has left out:" in out
     monkeypatch.setattr(screen, "told", told)
