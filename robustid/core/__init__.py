@@ -79,7 +79,6 @@ from robustid.core.threads import one_thread, threads_for
 from robustid.core.validation import (
     Signal,
     as_array,
-    as_bound,
     as_count,
     as_flag,
     as_float,
@@ -124,7 +123,6 @@ __all__ = [
     "Workers",
     "ZPlane",
     "as_array",
-    "as_bound",
     "as_count",
     "as_flag",
     "as_float",

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from robustid.core.frozen import freeze
 from robustid.errors import InputError, InputTypeError
 
 Kind = TypeVar("Kind")
@@ -102,27 +101,6 @@ def as_function(name: str, value: Called | None) -> Called | None:
     if value is not None and not callable(value):
         raise InputTypeError(f"`{name}` must be a function; got {_brief(value)}")
     return value
-
-
-def as_bound(value: object, shape: tuple[int, ...], axis: str, *, infinite: bool = False) -> np.ndarray | None:
-    """Broadcast a bound (scalar, per sample, or per sample and signal) to `shape`, positive everywhere."""
-    if value is None:
-        return None
-    bound = as_array("bound", value, finite=not infinite)
-    if np.any(np.isnan(bound)):
-        raise InputError(f"`bound` must not contain NaN; got {int(np.isnan(bound).sum())} of them")
-    if bound.ndim == 1 and bound.shape == shape[:1]:
-        bound = bound.reshape(shape[:1] + (1,) * (len(shape) - 1))
-    elif bound.ndim != 0 and bound.shape != shape:
-        raise InputError(
-            f"`bound` must be a scalar or have shape ({axis},) = {shape[:1]} or {shape}; got {bound.shape}"
-        )
-    if np.any(bound <= 0):
-        raise InputError(
-            f"`bound` must be positive (it divides the residuals); got a smallest value of {bound.min():g}."
-            " For samples known exactly give a bound small against the data, such as 1e-6 of their size"
-        )
-    return freeze(np.broadcast_to(bound, shape))
 
 
 def as_signals(name: str, value: Any, count: int, letter: str) -> tuple[Signal, ...]:

@@ -64,7 +64,7 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
         told_of = (
             seen._replace(events=not_after_changes(seen.events, record.u, predictors.order)) if period is None else seen
         )
-        found += _events(told_of, where, y, period)
+        found += _events(told_of, where, period)
         if period is None:
             found += _aperiodic(record, i, seen, where, own)
     return Outputs(found, clean)
@@ -120,7 +120,7 @@ def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictor
     )  # the answer to a slow sine looks like a drift
     found = [] if short else _drift(predictors, y, u, where)
     if record.initial == "rest" and not any(fault.kind is FaultKind.OFFSET for fault in found):
-        found += _operating_point(predictor, record, i, y, where)
+        found += _operating_point(predictor, record, y, where)
     w = predictor.innovations(y, u)
     tones = [one for one in tones_beside(w, u) if keeps_on(w, one[0])]
     if tones:
@@ -135,7 +135,7 @@ def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictor
     return found or jitter_of_innovations(predictor, w, y, u, record.dt, where)
 
 
-def _events(seen: Examined, where: str, y: Real, period: int | None) -> list[Fault]:
+def _events(seen: Examined, where: str, period: int | None) -> list[Fault]:
     """Sentences of spikes, and of jumps of the level."""
     found: list[Fault] = []
     for jump in (False, True):
@@ -199,7 +199,7 @@ def moves_on(u: Real) -> bool:
     return int(np.sum(np.any(np.diff(u, axis=0) != 0, axis=1))) >= _CHANGES
 
 
-def _operating_point(predictor: Predictor, record: TimeRecord, i: int, y: Real, where: str) -> list[Fault]:
+def _operating_point(predictor: Predictor, record: TimeRecord, y: Real, where: str) -> list[Fault]:
     """Record that begins about a point of operation though zero initial conditions are stated."""
     n = predictor.a.size - 1
     still = predictor._replace(trend=0 * predictor.trend)

@@ -93,7 +93,7 @@ def largest_amplitudes(
     for one in extractions:
         again = dataclasses.replace(one)  # nothing that was computed before is taken over
         functions, (i, j) = again.samples.functions, again.samples.entry
-        _check_apart(problem, functions, rank)
+        _check_apart(problem, functions)
         largest = again.known.largest[again.samples.own_amplitudes]
         if not np.all(np.isfinite(largest)):
             mode = int(rank[np.argmax(~np.isfinite(largest))]) + 1
@@ -108,7 +108,7 @@ def largest_amplitudes(
     return found
 
 
-def _check_apart(problem: MixedProblem, functions: Functions, rank: NDArray[np.intp]) -> None:
+def _check_apart(problem: MixedProblem, functions: Functions) -> None:
     """Refuse modes that only have joint amplitudes."""
     modes, first = functions.modes, 0
     for sizes in () if modes is None else modes.sizes:

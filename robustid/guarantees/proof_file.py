@@ -341,14 +341,13 @@ def _file(
             NOT_YET.format(f"its multipliers have {powers} Taylor coefficients, of {MOST_POWERS} possible")
         )
     proof = json.dumps(
-        {"powers": max(powers, 0), "parameters": _parameters(problem, extraction), "statements": evidence},
-        separators=(",", ":"),
+        {"powers": max(powers, 0), "parameters": _parameters(extraction), "statements": evidence}, separators=(",", ":")
     )
     head = f'"format": "robustid-proof", "version": {VERSION}, "digest": "{digest_of(text)}"'
     return f'{{{head},\n"question": {text},\n"evidence": {proof}}}\n'
 
 
-def _parameters(problem: MixedProblem, extraction: Extraction | None) -> Record:
+def _parameters(extraction: Extraction | None) -> Record:
     """Evidence on the parameters: their discs, a combination each."""
     known = None if extraction is None else extraction.known
     if extraction is None or known is None or not np.all(np.isfinite(known.radius)):

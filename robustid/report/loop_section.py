@@ -98,11 +98,6 @@ def loop_numbers(bounds: LoopBounds) -> list[tuple[str, str]]:
     ]
 
 
-def loop_summary(bounds: LoopBounds) -> list[Block]:
-    """Build the summary at the terminal."""
-    return [loop_verdict(bounds), peaks_table(bounds), Facts(loop_rows(bounds))]
-
-
 def _plant_rows(plant: PlantReduction) -> list[tuple[str, str]]:
     poles = plant.model.poles()
     rate = np.log(np.abs(poles)) / plant.model.dt if plant.model.dt else np.real(poles)

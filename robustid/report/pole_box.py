@@ -69,9 +69,9 @@ def pole_box_chart(band: WorstCaseOverPoles, error: WorstCaseError | None = None
     ends = _sizes(band)
     ends = ends[np.isfinite(ends)]
     span = max(bottom, 0.5 * float(shown.min())), 1.5 * float(max(shown.max(), ends.max(initial=0.0)))
-    areas = _area(f"any pole in the box ({band.omega.size} frequencies)", BOX, curve, band, band, span)
+    areas = _area(f"any pole in the box ({band.omega.size} frequencies)", BOX, curve, band, span)
     if fixed is not None:
-        areas += _area(f"the fixed poles ({fixed.omega.size} frequencies)", BAND, curve, band, fixed, span)
+        areas += _area(f"the fixed poles ({fixed.omega.size} frequencies)", BAND, curve, fixed, span)
     panels = (dataclasses.replace(behind(magnitude, areas, span), x=x), _errors(band, fixed, x))
     return Chart("over_poles", panels, linked=True)
 
@@ -93,9 +93,7 @@ def _reach(band: WorstCaseOverPoles, axis: Axis) -> Axis:
     return dataclasses.replace(axis, range=(float(hz[0] / 1.05), float(min(hz[-1] * 1.05, axis.range[1]))))
 
 
-def _area(
-    name: str, colour: str, curve: Layer, band: WorstCaseOverPoles, bounded: Bounded, span: tuple[float, float]
-) -> list[Layer]:
+def _area(name: str, colour: str, curve: Layer, bounded: Bounded, span: tuple[float, float]) -> list[Layer]:
     """The ranges of one guarantee around the curve of the model; one without an end reaches beyond the axis."""
     proved = bounded.omega > 0  # a logarithmic axis has no 0
     offsets = np.minimum(_sizes(bounded), 10 * span[1]) - model_size(bounded)[:, None]

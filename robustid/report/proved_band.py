@@ -39,7 +39,7 @@ def proved_band_section(
         *([Text(words, id="band-stands-on")] if words else []),
         *([Text(band.unfinished, id="band-unfinished")] if band.unfinished else []),
         band_verdict(band, holds),
-        Facts(band_rows(identification, band)),
+        Facts(band_rows(band)),
         Drawing(band_chart(identification, band)),
     ]
 
@@ -109,7 +109,7 @@ def band_verdict(band: Band, holds: bool) -> Verdict:
     return proved(holds, words, "The proofs do not give what is stated.", "band-certificates")
 
 
-def band_rows(identification: Identification, band: Band) -> list[tuple[str, str]]:
+def band_rows(band: Band) -> list[tuple[str, str]]:
     """Facts: on what the band stands, between the frequencies and in its assumptions."""
     found = [
         (

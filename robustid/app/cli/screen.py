@@ -37,15 +37,6 @@ def called(context: Context) -> list[str]:
     return context.meta.setdefault("robustid.called", [])
 
 
-class Warned(Protocol):
-    """Result with sentences that must not scroll away."""
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """The sentences."""
-        ...
-
-
 _OTHERS: list[Callable[[str], None]] = []  # programs that are told the steps, in place of the terminal
 _MOST_FILES = 6  # that are named
 _WORTH_SAYING = 2.0  # seconds that a step has taken
@@ -107,12 +98,6 @@ def written_words(files: Sequence[Path], most: int = _MOST_FILES) -> str:
         count = len(files) - bool(page)
         return f"written: {files[0].parent}{os.sep} with {page}{count} more files"
     return "written: " + (", ".join(map(str, files)) or "nothing")
-
-
-def repeat_warnings(out: Terminal, result: Warned) -> None:
-    """Print at the end what must not scroll away."""
-    for sentence in result.warnings:
-        warn(out, sentence)
 
 
 class Next(NamedTuple):

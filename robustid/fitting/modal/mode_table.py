@@ -149,7 +149,7 @@ def mode_table(model: control.StateSpace | MatrixFraction, covariance: FitCovari
                 damping = float(-s.real / abs(s)) if s else np.nan
                 row = ModeRow(complex(pole), count, abs(s) / (2 * np.pi), damping, False, len(part), 0.0, 0, 0)
                 if len(part) == 2 == count:
-                    row = dataclasses.replace(row, **_shapes(part, inputs, outputs, s, dt))
+                    row = dataclasses.replace(row, **_shapes(inputs, outputs, s, dt))
                 rows.append(row)
                 peaks.append(_peak(part, inputs, outputs, s, dt))
     found = [_with_deviation(row, covariance) for row in _with_participation(rows, peaks)]
@@ -185,7 +185,7 @@ def _with_shapes(rows: tuple[ModeRow, ...], fit: MatrixFraction, covariance: Fit
     return ModeTable(out)
 
 
-def _shapes(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> dict[str, np.ndarray]:
+def _shapes(B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> dict[str, np.ndarray]:
     """Shape and drive of a pair ``[[a, b], [-b, a]]``: its residue over that of a real mode, of the largest entry."""
     residue = np.outer(C[:, 0] + 1j * C[:, 1], B[0] - 1j * B[1])
     unit = dt if dt else 1.0
