@@ -1,6 +1,7 @@
 """Readiness for a release: one version, what the wheel holds, an import without warnings; in full, an empty environment."""
 
 import json
+import os
 import pathlib
 import re
 import subprocess
@@ -59,6 +60,7 @@ def test_wheel_and_source_install_into_an_empty_environment(tmp_path):
     (wheel,) = tmp_path.glob("*.whl")
     (source,) = tmp_path.glob("*.tar.gz")
     names = zipfile.ZipFile(wheel).namelist()
+    bare = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # it may name this tree
     assert all(f"robustid/{name}" in names for name in NEEDED)
     assert not [name for name in names if name.startswith(("tests", "docs"))]
     for package in (wheel, source):
@@ -67,9 +69,13 @@ def test_wheel_and_source_install_into_an_empty_environment(tmp_path):
         python = str(home / "bin" / "python")
         subprocess.run([python, "-m", "pip", "install", "-q", str(package)], check=True)
         code = "import robustid, json; print(json.dumps([robustid.__version__, robustid.__file__]))"
-        said = subprocess.run([python, "-W", "error", "-c", code], capture_output=True, check=True, cwd=tmp_path)
+        said = subprocess.run(
+            [python, "-W", "error", "-c", code], capture_output=True, check=True, cwd=tmp_path, env=bare
+        )
         version, place = json.loads(said.stdout)
         assert version == robustid.__version__
         assert pathlib.Path(place).is_relative_to(home)
-        subprocess.run([python, "-m", "robustid", "demo", "-o", f"demo-{home.name}"], check=True, cwd=tmp_path)
+        subprocess.run(
+            [python, "-m", "robustid", "demo", "-o", f"demo-{home.name}"], check=True, cwd=tmp_path, env=bare
+        )
         assert (tmp_path / f"demo-{home.name}" / "report.html").exists()
