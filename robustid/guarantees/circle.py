@@ -178,17 +178,18 @@ class ModelError:
             parts = (-1, *scales.shape)
             rest = rest + np.tensordot(functions, identification.parameters.reshape(parts), 1)
             reach = np.tensordot(np.abs(functions), self.parameters.reach(identification.parameters).reshape(parts), 1)
-        pairs = list(itertools.pairwise(angles.tolist()))
-        bends = np.max([self.curvature.outside(a, b) * (b - a) ** 2 / 8 for a, b in pairs], axis=0)
-        ball = prior.gain_bound * max(self.curvature.weight(a, b) for a, b in pairs)
+        low, high = angles[:-1], angles[1:]
+        step = ((high - low) ** 2 / 8)[:, None, None]
+        bends = (self.curvature.outside(low, high) * step).max(axis=0)
+        ball = prior.gain_bound * self.curvature.weight(low, high).max()
         return (ball * scales + (np.abs(rest) + reach).max(axis=0) * (1 + 1e-9) + bends)[None]
 
-    def bend(self, low: float, high: float) -> Real:
-        """Bound of how far the error exceeds the larger one of those at the ends of an arc, entry by entry, (ny, nu)."""
+    def bends(self, low: Real, high: Real) -> Real:
+        """Bounds of how far the error exceeds the larger one of those at the ends of each arc, entry by entry, (arcs, ny, nu)."""
         plane = self.identification.problem.plane
-        a, b = (float(plane.angles(np.array(end))) for end in (low, high))
+        a, b = plane.angles(low), plane.angles(high)
         width = (high - low) * plane.dt if plane.dt else b - a
-        return self.curvature.largest(a, b) * width**2 / 8
+        return self.curvature.largest(a, b) * (width**2 / 8)[:, None, None]
 
     def at(self, sets: dict[float, tuple[ValueSet, ...]]) -> tuple[Errors, ...]:
         """Bounds at frequencies, from the value sets of their entries."""
@@ -268,7 +269,8 @@ def _halved(
     ends = np.maximum(sure[:-1], sure[1:])
     peak = ends if everywhere else np.full(ends.size, sure.max())
     arcs = list(itertools.pairwise(edges.tolist()))
-    limits |= {(a, b): error.bend(a, b) for a, b in arcs if (a, b) not in limits}
+    new = [arc for arc in arcs if arc not in limits]
+    limits |= dict(zip(new, error.bends(*np.array(new).reshape(-1, 2).T), strict=True))
     bends = np.array([limits[arc] for arc in arcs])
     bounds, bound = _between(entries, upper, bends)
     open_arcs = np.flatnonzero(bound > (1 + rtol) * peak)
@@ -303,7 +305,7 @@ def supported(error: ModelError, circle: CircleBound) -> bool:
         return False
     entries, upper, _ = error.arrays_at(sets)
     further = error.beyond
-    bends = np.array([error.bend(a, b) for a, b in itertools.pairwise(omega.tolist())])
+    bends = error.bends(omega[:-1], omega[1:])
     bounds, norms = _between(entries, upper, bends)
     bounds, norms = np.concatenate([bounds, further]), np.append(norms, norm_of_bounds(further))
     return bool(np.all(bounds <= circle.entries * (1 + 1e-9)) and np.all(norms <= circle.bound * (1 + 1e-9)))

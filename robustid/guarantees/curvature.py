@@ -51,15 +51,16 @@ class Curvature:
     reach: Real
     inside: bool
 
-    def largest(self, low: float, high: float) -> Real:
-        """On the arc from the angle `low` to `high`, (ny, nu); inf where the arc is too long for the bound to hold."""
-        known = second_derivative(*self.known, low, high)
-        ball = self.problem.prior.scales(*known.shape) * (self._of_class(low, high) * (1 + 1e-6))
+    def largest(self, low: Real, high: Real) -> Real:
+        """On the arcs from the angles `low` to `high`, (arcs, ny, nu); inf where an arc is too long for the bound to hold."""
+        known = second_derivatives(*self.known, low, high)
+        of_class = self._of_class(low, high)[:, None, None]
+        ball = self.problem.prior.scales(*known.shape[1:]) * (of_class * (1 + 1e-6))
         total = ball + (np.minimum(known, ball) if self.inside else known)
         return self._with_parameters(total, low, high)
 
-    def _of_class(self, low: float, high: float) -> float:
-        """Bound of |G''| on an arc for every G of the class, without its scaling."""
+    def _of_class(self, low: Real, high: Real) -> Real:
+        """Bound of |G''| on each arc for every G of the class, without its scaling."""
         K, region = class_size(self.problem, low, high), self.problem.region
         if self.problem.weighting.trivial:
             return region.bend(K, low, high)
@@ -67,38 +68,39 @@ class Curvature:
         value = class_value(self.problem, low, high)
         return size * region.bend(K, low, high) + 2 * slope * region.slope(K, low, high) + bend * value
 
-    def _weight(self, low: float, high: float) -> tuple[float, float, float]:
-        """Bounds of |W|, |W'| and |W''| on an arc: values in the middle, and what the next derivative can add."""
+    def _weight(self, low: Real, high: Real) -> tuple[Real, Real, Real]:
+        """Bounds of |W|, |W'| and |W''| on each arc: values in the middle, and what the next derivative can add."""
         A, B, C = self._states_of_weight
-        middle, half = np.exp(1j * (low + high) / 2), (high - low) / 2
-        R = np.asarray(np.linalg.inv(middle * np.eye(A.shape[0]) - A), dtype=complex)
-        there = float(np.abs(C @ R @ R @ B).sum())
-        bend = float(second_derivative(A, B, C, low, high).sum())
+        middle, half = (low + high) / 2, (high - low) / 2
+        R = np.asarray(np.linalg.inv(np.exp(1j * middle)[:, None, None] * np.eye(A.shape[0]) - A), dtype=complex)
+        there: Real = np.abs(C @ R @ R @ B).sum(axis=(1, 2))
+        bend: Real = second_derivatives(A, B, C, low, high).sum(axis=(1, 2))
         slope = there + half * bend
-        return float(self.problem.weighting.sizes(np.array((low + high) / 2))) + half * slope, slope, bend
+        return self.problem.weighting.sizes(middle) + half * slope, slope, bend
 
     @functools.cached_property
     def _states_of_weight(self) -> StateSpace:
         states = self.problem.weighting.states[:3]
         return states if self.problem.prior.positive_real else input_normal(*states)  # 1/s has no input-normal form
 
-    def weight(self, low: float, high: float) -> float:
-        """Bound of |W| on an arc, from its ends."""
+    def weight(self, low: Real, high: Real) -> Real:
+        """Bound of |W| on each arc, from its ends."""
         weighting = self.problem.weighting
         if weighting.trivial:
-            return 1.0
-        bend = float(second_derivative(*self._states_of_weight, low, high).sum())
-        return float(weighting.sizes(np.array([low, high])).max()) * (1 + 1e-9) + bend * (high - low) ** 2 / 8
+            return np.ones(low.size)
+        bend: Real = second_derivatives(*self._states_of_weight, low, high).sum(axis=(1, 2))
+        ends = np.maximum(weighting.sizes(low), weighting.sizes(high))
+        return ends * (1 + 1e-9) + bend * (high - low) ** 2 / 8
 
-    def outside(self, low: float, high: float) -> Real:
-        """Bound of E - G on an arc, (ny, nu)."""
-        return self._with_parameters(second_derivative(*self.known, low, high), low, high)
+    def outside(self, low: Real, high: Real) -> Real:
+        """Bound of E - G on each arc, (arcs, ny, nu)."""
+        return self._with_parameters(second_derivatives(*self.known, low, high), low, high)
 
-    def _with_parameters(self, total: Real, low: float, high: float) -> Real:
+    def _with_parameters(self, total: Real, low: Real, high: Real) -> Real:
         if self.basis is not None:
-            sizes = second_derivative(*self.basis, low, high)[:, 0]
-            for size, reach in zip(sizes, self.reach, strict=True):
-                total = total + np.where(reach > 0, size, 0.0) * reach
+            sizes = second_derivatives(*self.basis, low, high)[:, :, :1]
+            for k, reach in enumerate(self.reach):
+                total = total + np.where(reach > 0, sizes[:, k : k + 1], 0.0) * reach
         return total
 
 
@@ -123,14 +125,8 @@ def is_own(model: control.StateSpace, identification: Identification) -> bool:
     return all(np.array_equal(getattr(model, name), getattr(identification.model, name)) for name in "ABCD")
 
 
-def second_derivative(A: Real, B: Real, C: Real, low: float, high: float) -> Real:
-    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on an arc: a bound for every entry, (rows of C, columns of B)."""
-    found: Real = second_derivatives(A, B, C, np.array([low]), np.array([high]))[0]
-    return found
-
-
 def second_derivatives(A: Real, B: Real, C: Real, low: Real, high: Real) -> Real:
-    """`second_derivative` on each of many arcs, (arcs, rows of C, columns of B).
+    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on arcs: a bound of every entry, (arcs, rows of C, columns of B).
 
     Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that.
     """

@@ -17,6 +17,7 @@ from robustid.identification.region import Region
 from robustid.identification.weighting import Weighting
 
 _GENEROUS = 100.0  # bounds by which data may be off before the coefficients of passive modes feel it
+_TOGETHER = 250_000  # pairs of an arc and a point whose distances are computed at once
 _LOUD = 2.0  # magnitude of most values at which they are no scattering parameters
 
 
@@ -179,14 +180,14 @@ def modes_reach(frf: FrequencyResponse, problem: _Posed) -> Real:
     return sizes @ np.linalg.norm(highest, 2, axis=(1, 2))
 
 
-def class_value(problem: _Posed, low: float, high: float) -> float:
-    """Bound of the norm of every consistent G on an arc of angles, before its weight.
+def class_value(problem: _Posed, low: Real, high: Real) -> Real:
+    """Bound of the norm of every consistent G on each of many arcs of angles, before its weight.
 
     K for the ball; of positive-real H = F + slack, |H| <= |Im W_i| + (1 + d)/(1 - d) Re W_i with the numbers of `class_size`.
     """
     prior = problem.prior
     if not prior.positive_real:
-        return float(prior.gain_bound)
+        return np.full(low.size, prior.gain_bound)
     values = max(float(np.linalg.norm(positive_values(f, problem), 2, axis=(1, 2)).max()) for f in problem.frequency)
     errors = max(
         float(error_sizes(f, problem)[f.bound.used.all(axis=(1, 2))].max(initial=0.0)) for f in problem.frequency
@@ -196,8 +197,8 @@ def class_value(problem: _Posed, low: float, high: float) -> float:
     )
 
 
-def class_size(problem: _Posed, low: float, high: float) -> float:
-    r"""The K for which `Region.bend` bounds the curvature of every consistent G on an arc of angles, (ny, nu) entry by entry.
+def class_size(problem: _Posed, low: Real, high: Real) -> Real:
+    r"""The K for which `Region.bend` bounds the curvature of every consistent G on arcs of angles, an arc each, entry by entry.
 
     That of the ball; of positive-real H = F + slack, where in the Herglotz formula |H^(n)| <= 2 n! Re H/((1-|zeta|)^n (1+|zeta|)),
     twice the largest Re H: at most Re y_i + bound_i + slack at a frequency point, and elsewhere by Harnack's inequality
@@ -207,13 +208,16 @@ def class_size(problem: _Posed, low: float, high: float) -> float:
     """
     prior, region = problem.prior, problem.region
     if not prior.positive_real:
-        return float(prior.gain_bound)
-    ends, best = region.points(np.array([low, high])), np.inf
+        return np.full(low.size, prior.gain_bound)
+    best = np.full(low.size, np.inf)
     for frf in problem.frequency:
         sizes, points = _real_parts(frf, problem)
-        far = np.abs((ends[:, None] - points) / (1 - points.conj() * ends[:, None])).max(axis=0)
-        with np.errstate(divide="ignore"):
-            best = min(best, float(((1 + far) / (1 - far) * (sizes - prior.least)).min(initial=np.inf)))
+        for part in np.array_split(np.arange(low.size), 1 + low.size * points.size // _TOGETHER):
+            ends = region.points(np.stack([low[part], high[part]]))[..., None]
+            far = np.abs((ends - points) / (1 - points.conj() * ends)).max(axis=0)
+            with np.errstate(divide="ignore"):
+                most = ((1 + far) / (1 - far) * (sizes - prior.least)).min(axis=1, initial=np.inf)
+            best[part] = np.minimum(best[part], most)
     return 2 * best * (1 + 1e-6)
 
 

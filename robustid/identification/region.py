@@ -51,12 +51,12 @@ class Region(abc.ABC):
         """Largest 1/|zeta| of poles in z: at most 1 where a function with these poles is analytic in the region."""
 
     @abc.abstractmethod
-    def slope(self, gain: float, low: float, high: float) -> float:
-        r"""Bound of |d G/d angle| on an arc for every G of size K: |g'| <= (1 - |g|^2)/(1 - |zeta|^2), Schwarz and Pick."""
+    def slope(self, gain: Real, low: Real, high: Real) -> Real:
+        r"""Bound of |d G/d angle| on each arc for every G of size K: |g'| <= (1 - |g|^2)/(1 - |zeta|^2), Schwarz and Pick."""
 
     @abc.abstractmethod
-    def bend(self, gain: float, low: float, high: float) -> float:
-        r"""Bound of |d^2 G/d angle^2| on an arc for every G of size K.
+    def bend(self, gain: Real, low: Real, high: Real) -> Real:
+        r"""Bound of |d^2 G/d angle^2| on each arc for every G of size K.
 
         |g^(n)| <= n! (1 - |g|^2)/((1 - |zeta|)^n (1 + |zeta|)) [`ruscheweyh1985`], n = 1 and 2.
         """
@@ -112,11 +112,11 @@ class Disc(Frozen, Region):
         """Largest |pole| times rho."""
         return float(np.abs(poles).max(initial=0.0)) * self.rate
 
-    def slope(self, gain: float, low: float, high: float) -> float:
+    def slope(self, gain: Real, low: Real, high: Real) -> Real:
         """``K rho/(rho^2 - 1)``."""
         return gain * self.rate / ((self.rate - 1) * (self.rate + 1))
 
-    def bend(self, gain: float, low: float, high: float) -> float:
+    def bend(self, gain: Real, low: Real, high: Real) -> Real:
         """``K rho/(rho - 1)^2``."""
         return gain * self.rate / (self.rate - 1) ** 2
 
@@ -172,19 +172,19 @@ class HalfPlane(Frozen, Region):
         """Largest ``|(1 + kappa) p + kappa|``."""
         return float(np.abs((1 + self.ratio) * poles + self.ratio).max(initial=0.0))
 
-    def slope(self, gain: float, low: float, high: float) -> float:
+    def slope(self, gain: Real, low: Real, high: Real) -> Real:
         """``K (1 + kappa)/t``, t as in `inside`, at the end that is nearer to infinity."""
-        inside = float(self.inside(np.array(high)))
+        inside = self.inside(high)
         return gain * (1 + self.ratio) * (1 - inside) / inside
 
-    def bend(self, gain: float, low: float, high: float) -> float:
+    def bend(self, gain: Real, low: Real, high: Real) -> Real:
         """Its value at the end of the arc that is nearer to infinity, where every factor is largest."""
-        kappa, inside = self.ratio, float(self.inside(np.array(high)))
+        kappa, inside = self.ratio, self.inside(high)
         near = inside / (1 + np.sqrt(1 - inside))  # 1 - |zeta|
         size = 1 / np.sqrt(1 - inside)  # |1 + kappa + kappa q|
         turned = np.sqrt(1 + 4 * kappa * (1 + kappa) * np.sin(high / 2) ** 2)  # |1 + kappa - kappa q|
         slope = (1 + kappa) / size**2
-        return gain * float(2 * slope**2 / (near * inside) + slope * turned / size / inside)
+        return gain * (2 * slope**2 / (near * inside) + slope * turned / size / inside)
 
 
 def region_of(prior: Prior, plane: Plane) -> Region:

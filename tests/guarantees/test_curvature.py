@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
-from robustid.guarantees.curvature import input_normal, second_derivative, second_derivatives
+from robustid.guarantees.curvature import Curvature, input_normal, second_derivatives
 
 
 def sampled(A, B, C, low, high, count=401):
@@ -15,6 +15,11 @@ def sampled(A, B, C, low, high, count=401):
     states = np.exp(1j * angles)[..., None, None] * np.eye(len(A)) - A
     values = C @ np.linalg.solve(states, np.broadcast_to(B, (*states.shape[:2], *B.shape)))
     return np.abs(values[:, 0] - 2 * values[:, 1] + values[:, 2]).max(axis=0) / step**2
+
+
+def second_derivative(A, B, C, low, high):
+    """On one arc."""
+    return second_derivatives(A, B, C, np.array([low]), np.array([high]))[0]
 
 
 @pytest.mark.parametrize("repeat", [1, 2, 3])
@@ -85,3 +90,31 @@ def test_second_derivatives_of_many_arcs_are_those_of_each():
         if low != 0.3:
             assert np.all(own >= sampled(A, B, C, low, high) * (1 - 1e-4))
     assert np.all(found[1] > 1e12)
+
+
+def problems():
+    """One of each kind of class: balls with and without roll-off, discrete and continuous, and passive ones."""
+    omega = np.array([1.0, 3.0, 8.0])
+    values = 1 / (1j * omega + 1)
+    for prior, dt in (
+        (rid.Prior(gain_bound=2.0, decay_rate=1.1), 0.1),
+        (rid.Prior(gain_bound=2.0, decay_rate=1.1, roll_off=2, corner=5.0), 0.1),
+        (rid.Prior(gain_bound=2.0, decay=0.7, roll_off=2, corner=5.0), None),
+        (rid.PositiveReal(decay=0.5), None),
+        (rid.NegativeImaginary(decay=0.5), None),
+    ):
+        frf = rid.FrequencyResponse(omega, values, bound=0.05, dt=dt)
+        yield rid.MixedProblem(frequency=frf, prior=prior)
+
+
+@pytest.mark.parametrize("problem", problems(), ids=lambda problem: type(problem.prior).__name__)
+def test_bounds_of_a_class_on_many_arcs_are_those_of_each(problem, monkeypatch):
+    monkeypatch.setattr("robustid.identification.passive._TOGETHER", 7)  # in several parts
+    nothing = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0))
+    bends = Curvature(problem, nothing, None, np.zeros((0, 1, 1)), False)
+    edges = np.linspace(0.1, 2.8, 9)
+    low, high = edges[:-1], edges[1:]
+    for many in (bends.largest, bends.weight, bends.outside):
+        alone = [many(low[k : k + 1], high[k : k + 1]) for k in range(low.size)]
+        np.testing.assert_allclose(many(low, high), np.concatenate(alone), rtol=1e-12)
+    assert np.all(bends.largest(low, high) > 0)

@@ -97,9 +97,7 @@ class Bends:
 
     def of(self, low: Real, high: Real) -> Real:
         """Bounds on arcs, (arcs, ny, nu)."""
-        found = second_derivatives(*self.known, low, high)
-        for k, ends in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
-            found[k] += self.of_class.largest(*ends)
+        found = second_derivatives(*self.known, low, high) + self.of_class.largest(low, high)
         functions: Real | None = None
         for place in np.ndindex(*self.shape):
             band = self.bands.of(place)
@@ -116,8 +114,7 @@ class Bends:
         bent = second_derivatives(*self.known, low, high)
         total = (np.maximum(values[:-1], values[1:]) + bent * step[:, None, None]).max(axis=0)
         prior = self.problem.prior
-        weight = max(self.of_class.weight(*ends) for ends in zip(low.tolist(), high.tolist(), strict=True))
-        total = total + prior.gain_bound * weight * prior.scales(*self.shape)
+        total = total + prior.gain_bound * self.of_class.weight(low, high).max() * prior.scales(*self.shape)
         for place in np.ndindex(*self.shape):
             band = self.bands.of(place)
             total[place] += float(
