@@ -115,7 +115,9 @@ def design_blocks(design: ControllerDesign) -> list[Block]:
         return [Heading("What was asked"), Facts([*asked, *structure_rows(design)])]
     single = design.proofs[0].loop.shape == (1, 1)
     nu, ny = design.proofs[0].loop.shape
-    words = "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
+    words = (
+        "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
+    )
     return [
         Heading("Limits", guarantee=True),
         Text(f"{words} S, T and the bandwidth are those at the inputs, which are fewer." if nu < ny else words),

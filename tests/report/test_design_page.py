@@ -108,6 +108,26 @@ def test_templates_of_every_map_are_drawn_and_listed():
     assert asked["action"].startswith("|C S| ≤ 0.6,")
 
 
+P = PID(integral=False)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([[PID()]], "|P C|"),
+        ([[PID(), P]], "|C P|"),
+        ([[PID()], [P]], "|P C|"),
+        ([[PID(), None], [None, PID()]], "σmin(P C)"),
+        ([[PID(), None, None], [None, PID(), None]], "σmin(C P)"),
+        ([[PID(), None], [None, PID()], [P, None]], "σmin(P C)"),
+    ],
+)
+def test_the_bandwidth_is_that_of_the_loop_at_the_inputs_where_these_are_fewer(rows, words):
+    table = shares_table(dataclasses.replace(small_design(), structure=Matrix(rows)))
+    asked = {row[0]: row[1].replace("\u00a0", " ") for row in table.rows}
+    assert asked["bandwidth"] == f"{words} ≥ 1 up to 1.751 Hz"
+
+
 def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_peak():
     design, plant = small_design(), band_of(1)[0]
     magnitude, phase = open_loop_bode(design).panels
