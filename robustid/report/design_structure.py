@@ -9,7 +9,6 @@ from robustid.core import Real
 from robustid.identification import as_system
 from robustid.report.words import HZ, in_hz, in_hz_span, number
 
-
 SINGLE = "|P C|"  # size of the open loop of one input and one output
 
 
