@@ -14,10 +14,11 @@ from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Limits, LowPass, Matrix, Notch
 from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
-from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_charts import _along, design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_page import _at, design_verdict, shares_table
 from robustid.report.design_steps import entry_charts, step_chart, step_tubes
 from robustid.report.design_structure import factor_words, structure_rows
+from robustid.report.loci import open_loop_of
 from support.design_cases import DT, band_of, matrix_band_of
 from support.forging import kept
 from support.one_design import LIMITS, PI, small_band, small_design
@@ -106,6 +107,18 @@ def test_templates_of_every_map_are_drawn_and_listed():
     assert asked["tracking"] == "|T| ≥ 0.5, 0.0796 to 0.637 Hz"
     assert asked["disturbance"].startswith("|P S| ≤ 1,")
     assert asked["action"].startswith("|C S| ≤ 0.6,")
+
+
+def test_no_two_discs_of_the_open_loop_are_far_apart_on_the_axis_or_in_the_plane():
+    """At most twice the mean distance on both: a light mode, which is a few hundredths of the axis, is drawn as the circle it is."""
+    (proof,) = small_design().proofs
+    dense = np.geomspace(0.1, 300.0, 20_000)
+    omega = _along(proof, dense[0], dense[-1])
+    chosen, every = (one / (1 + np.abs(one)) for one, _ in (open_loop_of(proof, at) for at in (omega, dense)))
+    mean = np.abs(np.diff(every)).sum() / (len(omega) - 1)
+    assert np.abs(np.diff(chosen)).max() <= 2.02 * mean
+    assert np.diff(np.log(omega)).max() <= 2.02 * np.log(3000.0) / (len(omega) - 1)
+    assert omega[[0, -1]] == pytest.approx([0.1, 300.0])
 
 
 P = PID(integral=False)
