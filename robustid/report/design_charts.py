@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from robustid.controllers import ControllerDesign, Limits
-from robustid.core import Real
+from robustid.core import Real, StateMatrices, points_of, response_at
 from robustid.errors import InputError
 from robustid.guarantees import Balls, LoopBounds
 from robustid.report.charts import ALERT, BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
@@ -160,12 +160,17 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
 
 def _along(proof: LoopBounds, low: float, high: float) -> Real:
     """Frequencies of discs: half of them spread over the axis, half along the open loop, where a light mode is a circle."""
-    fine = np.geomspace(low, high, _FINER * _DISCS)
-    centre, _ = open_loop_of(proof, fine)
-    steps = np.abs(np.diff(centre / (1 + np.abs(centre))))  # what is far from -1 decides nothing
+    fine, model = np.geomspace(low, high, _FINER * _DISCS), proof.band.model
+    if model is None:
+        return fine[::_FINER]
+    points, loop = points_of(fine, proof.loop.dt), proof.loop
+    plant, law = StateMatrices.of(loop.plant_of(model)), loop.as_controller(proof.controller)
+    L = response_at(plant, points)[:, 0, 0] * response_at(law, points)[:, 0, 0]
+    steps = np.abs(np.diff(L / (1 + np.abs(L))))  # what is far from -1 decides nothing
     length = np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
-    share = np.linspace(0.0, 1.0, fine.size) + length / (length[-1] or 1.0)
-    return np.interp(np.linspace(0.0, share[-1], _DISCS), share, fine)
+    share: Real = np.linspace(0.0, 1.0, fine.size) + length / (length[-1] or 1.0)
+    chosen: Real = np.linspace(0.0, float(share[-1]), _DISCS)
+    return np.asarray(np.interp(chosen, share, fine), dtype=float)
 
 
 def kept_out(limits: Limits, said: str = "kept out: ") -> list[Layer]:
