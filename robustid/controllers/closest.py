@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
-from robustid.controllers.designing import At, Found, Task, TimeIsOver, unheard
+from robustid.controllers.designing import SPARE, At, Found, Task, TimeIsOver, unheard
 from robustid.controllers.proving import Proof
 from robustid.core import Budget, Interruptible, Progress, Real
 
+_THEMSELVES = 1 / SPARE  # limits that are relaxed by it are those that were asked for
 _RATIO = 1.01  # of two factors that limits are relaxed by, which are as good as equal
 _FIRST, _MOST = 1.05, 1e4  # factors that are tried
 _PROOFS, _WIDER = (
@@ -61,16 +62,19 @@ def closest(task: Task, budget: Budget, progress: Progress | None = None) -> Clo
 
 
 def _relaxed(task: Task, at: list[float], most: float) -> Iterator[tuple[float, Found]]:
-    """Ever closer controllers, with the factors that the limits are relaxed by: from above 1, then by halves."""
+    """Ever closer controllers, with the factors that the limits are relaxed by: from above 1, then by halves.
+
+    The first asks for the limits themselves, of which a search leaves what a proof takes.
+    """
     low, high, near = 1.0, None, None
-    factor = min(_FIRST, most)
+    factor = min(_THEMSELVES, most)
     while low < most and high is None:
         here = At(dataclasses.replace(task, relaxed=factor), at)
         if (near := here.found(here.ends[0])) is not None:
             high = factor
             yield factor, near
         else:
-            low, factor = factor, min(factor**2, most)
+            low, factor = factor, min(max(factor**2, _FIRST), most)
     while high is not None and high > low * _RATIO:
         middle = math.sqrt(low * high)
         here = At(dataclasses.replace(task, relaxed=middle), at)

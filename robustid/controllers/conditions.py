@@ -91,7 +91,7 @@ class Conditions(NamedTuple):
         if single:
             away, turn = self._from_polygon(X, values)
             return away - taken - self.w, turn[:, None, None]
-        left, sizes, right = np.linalg.svd(X)
+        left, sizes, right = np.linalg.svd(X, full_matrices=False)
         return sizes[:, -1] - taken - self.w, left @ right
 
     def ahead(self, values: Complex, turn: Complex) -> Real:
@@ -288,11 +288,11 @@ def _margins_of_matrices(clear: _Clear, limits: Limits, omega: Real) -> None:
 
 def integrators_of(gain: float, discs: Discs) -> Conditions:
     """Least singular value of the factors K of the integrators of a matrix: C is about K/s at the lowest frequency."""
-    lowest, ny = int(np.argmin(discs.omega)), discs.shape[0]
+    lowest, (ny, nu) = int(np.argmin(discs.omega)), discs.shape
     w = np.array([(1 + _ABOVE) * gain / discs.omega[lowest]])
-    one = np.eye(ny, dtype=complex)[None]
-    none = np.zeros((1, 0, ny, ny), complex)
-    return Conditions("integral gain", np.array([lowest]), 0 * one, one, none, none, w)
+    one, nothing = np.eye(nu, dtype=complex)[None], np.zeros((1, nu, ny), complex)
+    q, shift = np.zeros((1, 0, nu, nu), complex), np.zeros((1, 0, nu, ny), complex)
+    return Conditions("integral gain", np.array([lowest]), nothing, one, q, shift, w)
 
 
 def _kept_clear(limits: Limits) -> list[Complex]:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _FINE = 1.005  # of the goal: two levels that are as good as equal
 _STEPS = 10  # levels over the axis that are tried from above
-_SPARE = 0.995  # of every limit: what the proof on arcs takes
+SPARE = 0.995  # of every limit: what the proof on arcs takes
 _BETWEEN = 8  # parts of the way from one frequency to the next that are looked at before a proof
 _CLOSE = 0.02  # left to a limit between frequencies: where there is less, every arc of the band is looked at
 _ON_ARCS = np.array([1e-6, 0.5, 1 - 1e-6])  # parts of an arc: the bounds are the same on all of it
@@ -91,7 +91,7 @@ class Task:
     smaller: Callable[[Real], Real] = _everywhere
     budget: Budget = dataclasses.field(default_factory=Budget)
     heard: Callable[[Found], None] = unheard
-    spare: float = _SPARE
+    spare: float = SPARE
 
     @classmethod
     def of(cls, plants: list[Plants], structure: tuple[Factor, ...] | Matrix, limits: Limits, goal: Goal) -> Task:
@@ -357,17 +357,18 @@ class At:
             last = self._in_basis(self._axes(end))
             axes = np.concatenate([axes, np.repeat(last, len(self.task.plants), axis=0)])
         conditions = conditions_of(limits.closer(self.task.spare), discs)
-        if discs.shape != (1, 1) and limits.integral_gain is not None:
+        if discs.shape[0] > 1 and limits.integral_gain is not None:
             conditions.append(integrators_of(limits.integral_gain, discs))
         return Question(Functions(axes, self.into, self.out_of), conditions, self._integrators(discs, limits)), discs
 
     def _integrators(self, discs: Discs, limits: Limits) -> tuple[Real, Real] | None:
         """Each integrator is to lower what the loop that runs leaves at the lowest frequency: ``G x >= h``.
 
-        Of stable matrices the limits tell it, whose loops are large there; a plant that is large itself hides an integrator.
+        Of stable matrices the limits tell it, whose loops are large there; a plant that is large itself hides an integrator. One
+        input or one output has one integrator.
         """
         running = self._running(discs)
-        single = discs.shape == (1, 1)
+        single = discs.shape[0] == 1
         if not (self.basis.integral.any() and (single or running.any())):
             return None
         lowest = int(np.argmin(discs.omega))

@@ -19,6 +19,8 @@ _REACH = 1e6  # between levels of a goal that are tried and one that is usual
 class Bandwidth:
     """Frequency up to which ``|P C| >= 1`` for every consistent plant, as high as it can be.
 
+    Of matrices it is the smallest singular value, with fewer inputs than outputs that of C P.
+
     Examples
     --------
     >>> from robustid.design import Bandwidth, Limits

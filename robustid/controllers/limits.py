@@ -74,9 +74,11 @@ class Limits:
     action : sequence of (low, high, value)
         |C S| at most `value`: noise that reaches the input.
     bandwidth : float or None
-        |P C| at least 1 up to this frequency, rad/s.
+        |P C| at least 1 up to this frequency, rad/s; of matrices its smallest singular value, with fewer inputs than outputs
+        that of C P.
     integral_gain : float or None
-        Least gain of the integrator, in size; of matrices the smallest singular value of the gains of all integrators.
+        Least gain of the integrator, in size; of matrices the smallest singular value of the gains of all integrators, as
+        many as outputs or, where these are fewer, inputs.
     """
 
     sensitivity_peak: float | None = 2.0

@@ -17,7 +17,7 @@ from robustid.guarantees import LoopBounds, LoopMargins, Peak
 if TYPE_CHECKING:
     import control
 
-_LEAST = 1e-12  # of what a margin leaves: smaller ones are none
+_LEAST = 1e-12  # of a margin that is asked for: smaller ones are none
 _TINY = np.finfo(float).tiny
 _ROUNDING = 1e-6  # of an integral gain
 _PEAKS = {
@@ -78,6 +78,10 @@ class Taken(NamedTuple):
     rows: Mapping[str, tuple[float, float]]
 
 
+def _over(asked: float, left: float) -> float:
+    return asked / left if left > _LEAST * asked else math.inf
+
+
 def shares_of(
     limits: Limits, loops: Sequence[Taken], controller: StateMatrices, dt: float
 ) -> dict[str, tuple[float, float]]:
@@ -94,11 +98,11 @@ def shares_of(
             if limit is not None:
                 told(own.replace("_", " "), peaks[name].value / limit, peaks[name].omega)
         if limits.gain_margin is not None:
-            told("gain margin", (limits.gain_margin - 1) / max(margins.gain[1] - 1, _LEAST), math.nan)
+            told("gain margin", _over(limits.gain_margin - 1, margins.gain[1] - 1), math.nan)
         if limits.phase_margin is not None:
-            told("phase margin", limits.phase_margin / max(margins.phase, _LEAST), math.nan)
+            told("phase margin", _over(limits.phase_margin, margins.phase), math.nan)
         if limits.delay_margin is not None:
-            told("delay margin", limits.delay_margin / max(margins.delay, _TINY), math.nan)
+            told("delay margin", _over(limits.delay_margin, margins.delay), math.nan)
         for name, (share, omega) in rows.items():
             told(name, share, omega)
     if limits.integral_gain is not None:

@@ -104,13 +104,12 @@ def _fixed(factors: Sequence[Factor]) -> Iterator[StateMatrices]:
 
 
 def _check_matrices(limits: Limits, products: Sequence[Sequence[Factor]], shape: tuple[int, int]) -> None:
-    """Integrators fewer than the outputs."""
-    nu, ny = shape
-    count = sum(map(_integrators, products))
-    if limits.integral_gain is not None and (nu != ny or count < ny):
+    """Integrators fewer than the outputs, or the inputs where these are fewer."""
+    (nu, ny), count = shape, sum(map(_integrators, products))
+    if limits.integral_gain is not None and count < min(shape):
+        each = f"{ny} outputs" if ny <= nu else f"{nu} inputs"
         raise InputError(
-            f"`structure` must hold an integrator for each of {ny} outputs, and the plant as many inputs, for their least gain to"
-            f" be large; got {count} integrators and {nu} inputs"
+            f"`structure` must hold an integrator for each of {each}, for their least gain to be large; got {count}"
         )
 
 

@@ -178,5 +178,5 @@ def _ask(program: Program, one: Conditions, turn: Complex, functions: Functions)
         program.hold(ahead, -unit, fixed, small, np.zeros(one.w.shape, complex))
         return
     ahead = np.einsum("nrp,npj,nmjq->nmrq", turned, one.b, basis, optimize=True)
-    fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[1])
+    fixed = turned @ one.a - one.w[:, None, None] * np.eye(one.a.shape[2])
     program.semidefinite(ahead, fixed, -unit, program.norms(one.place, one.q, one.shift, functions))

@@ -306,8 +306,8 @@ def _lengthened(
 
 def integral_gain(controller: StateMatrices, dt: float) -> float:
     """Factor of the integrator of a controller; of a matrix the smallest singular value of those factors. 0 where it has none."""
-    A, nu, ny = controller.A, *controller.D.shape
-    if not len(A) or ny > nu:
+    A = controller.A
+    if not len(A):
         return 0.0
     pole = 1.0 if dt else 0.0
     if np.min(np.abs(scipy.linalg.eigvals(A) - pole)) > _ROUNDING * _size(A, dt):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from robustid.controllers import ControllerDesign, Limits
-from robustid.core import Real
+from robustid.core import Real, StateMatrices, points_of, response_at
 from robustid.errors import InputError
 from robustid.guarantees import Balls, LoopBounds
 from robustid.report.charts import ALERT, BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, frequency_axis
@@ -20,6 +20,7 @@ from robustid.report.value_sets import TURN, plane_layer
 from robustid.report.words import HZ, number
 
 _POINTS, _DISCS = 700, 250  # frequencies of curves, and of discs in the plane
+_FINER = 8  # times as many frequencies, of which those of discs are chosen
 _BELOW = 10.0  # times the lowest frequency that is asked about: where the axis begins
 _DEEP = 1e-5  # of the largest value: what is lower is not drawn
 _ARC = 41  # points of an arc
@@ -145,7 +146,7 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
     high = float(_frequencies(proofs)[-1])
     charts: list[Chart] = []
     for k, one in enumerate(proofs, start=1):
-        omega = np.geomspace(float(one.omega[one.omega > 0].min()) / _BELOW, high, _DISCS)
+        omega = _along(one, float(one.omega[one.omega > 0].min()) / _BELOW, high)
         chart = open_loop_chart(one, omega, further, f"open-loop-{k}")
         if chart is not None:
             whole = chart.panels[0]
@@ -155,6 +156,21 @@ def nyquist_charts(design: ControllerDesign) -> list[Chart]:
             near = dataclasses.replace(whole, title="The same, near −1", x=x, y=y)
             charts.append(dataclasses.replace(chart, panels=[whole, near], columns=2))
     return charts
+
+
+def _along(proof: LoopBounds, low: float, high: float) -> Real:
+    """Frequencies of discs: half of them spread over the axis, half along the open loop, where a light mode is a circle."""
+    fine, model = np.geomspace(low, high, _FINER * _DISCS), proof.band.model
+    if model is None:
+        return fine[::_FINER]
+    points, loop = points_of(fine, proof.loop.dt), proof.loop
+    plant, law = StateMatrices.of(loop.plant_of(model)), loop.as_controller(proof.controller)
+    L = response_at(plant, points)[:, 0, 0] * response_at(law, points)[:, 0, 0]
+    steps = np.abs(np.diff(L / (1 + np.abs(L))))  # what is far from -1 decides nothing
+    length = np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
+    share: Real = np.linspace(0.0, 1.0, fine.size) + length / (length[-1] or 1.0)
+    chosen: Real = np.linspace(0.0, float(share[-1]), _DISCS)
+    return np.asarray(np.interp(chosen, share, fine), dtype=float)
 
 
 def kept_out(limits: Limits, said: str = "kept out: ") -> list[Layer]:

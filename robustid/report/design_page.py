@@ -18,7 +18,7 @@ from robustid.report.data_faults import shown_faults
 from robustid.report.design_charts import MAPS, asked_of, design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_improvements import as_improvements, improvements_section, where_to_measure
 from robustid.report.design_steps import steps_section
-from robustid.report.design_structure import structure_rows
+from robustid.report.design_structure import SINGLE, loop_size, structure_rows
 from robustid.report.document import (
     Block,
     Code,
@@ -111,13 +111,16 @@ def design_section(design: ControllerDesign) -> list[Block]:
 def design_blocks(design: ControllerDesign) -> list[Block]:
     """Build the sections on a controller, each under its heading."""
     if not design.proofs:
-        return [Heading("What was asked"), Facts([*asked_words(design.limits), *structure_rows(design)])]
+        asked = asked_words(design.limits, loop_size(design))
+        return [Heading("What was asked"), Facts([*asked, *structure_rows(design)])]
     single = design.proofs[0].loop.shape == (1, 1)
+    nu, ny = design.proofs[0].loop.shape
+    words = (
+        "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
+    )
     return [
         Heading("Limits", guarantee=True),
-        Text(
-            "Of each limit the largest share that any consistent plant takes, at any frequency. At 1 it would be reached."
-        ),
+        Text(f"{words} S, T and the bandwidth are those at the inputs, which are fewer." if nu < ny else words),
         shares_table(design),
         *expensive_members(design),
         Drawing(design_chart(design)),
@@ -229,7 +232,7 @@ def _next(design: ControllerDesign) -> list[Text]:
 
 def shares_table(design: ControllerDesign) -> Table:
     """Limits with what was asked, the share that is taken, and where."""
-    asked = asked_in_lines(asked_of(design))
+    asked = asked_in_lines(asked_of(design), loop_size(design))
     rows = [
         [name, asked.get(name, ""), Share(at_most(share, 3), min(share, 1.0)), number(omega / HZ, 4)]
         for name, (share, omega) in design.asked_shares.items()
@@ -238,15 +241,16 @@ def shares_table(design: ControllerDesign) -> Table:
     return Table(columns, rows, marks=[share <= 1 for share, _ in design.asked_shares.values()])
 
 
-def asked_in_lines(limits: Limits) -> dict[str, str]:
+def asked_in_lines(limits: Limits, loop: str = SINGLE) -> dict[str, str]:
     """Limits by their names, in words that narrow columns break after commas alone."""
     return {
-        name: ", ".join(part.replace(" ", _KEPT) for part in words.split(", ")) for name, words in asked_words(limits)
+        name: ", ".join(part.replace(" ", _KEPT) for part in words.split(", "))
+        for name, words in asked_words(limits, loop)
     }
 
 
-def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
-    """Limits by their names, in words."""
+def asked_words(limits: Limits, loop: str = SINGLE) -> Iterator[tuple[str, str]]:
+    """Limits by their names, in words, with those of `loop_size`."""
     signs = {
         "sensitivity_peak": "|S| ≤ {}",
         "complementary_peak": "|T| ≤ {}",
@@ -272,7 +276,7 @@ def asked_words(limits: Limits) -> Iterator[tuple[str, str]]:
             ),
         )
     if limits.bandwidth is not None:
-        yield "bandwidth", f"|P C| ≥ 1 up to {in_hz(limits.bandwidth / HZ, 4)}"
+        yield "bandwidth", f"{loop} ≥ 1 up to {in_hz(limits.bandwidth / HZ, 4)}"
 
 
 def _open_loop(design: ControllerDesign) -> list[Block]:
@@ -327,9 +331,13 @@ def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
 
 
 def _least_gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
-    """Least gain of the integrators of a matrix."""
+    """Least gain of the integrators of a matrix; of one input, or one output, that of its integrator."""
     gain = integral_gain(as_system("controller", design.controller)[0], design.proofs[0].loop.dt)
-    return [("Least gain of the integrators", f"{number(gain, 5)} 1/s, their smallest singular value")] if gain else []
+    if not gain:
+        return []
+    if 1 in design.proofs[0].loop.shape:
+        return [("Gain of the integrator", f"{number(gain, 5)} 1/s, in size")]
+    return [("Least gain of the integrators", f"{number(gain, 5)} 1/s, their smallest singular value")]
 
 
 def _at(system: StateMatrices, point: float) -> float:

@@ -9,14 +9,28 @@ from robustid.core import Real
 from robustid.identification import as_system
 from robustid.report.words import HZ, in_hz, in_hz_span, number
 
+SINGLE = "|P C|"  # size of the open loop of one input and one output
+
+
+def loop_size(design: ControllerDesign) -> str:
+    """Words for the least size of the open loop: at the outputs, or at the inputs where these are fewer."""
+    nu, ny = _shape(design)
+    loop = "P C" if ny <= nu else "C P"
+    return f"|{loop}|" if 1 in (nu, ny) else f"σmin({loop})"
+
+
+def _shape(design: ControllerDesign) -> tuple[int, int]:
+    """Inputs and outputs of the plant; of a design without proofs those of its structure."""
+    if isinstance(design.structure, Matrix):
+        return design.structure.shape
+    return design.proofs[0].loop.shape if design.proofs else (1, 1)
+
 
 def structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
     """Factors of the structure, with what was searched, and the matrices around them."""
     rows: list[tuple[str, str]] = []
     place, structure = 0, design.structure
-    nu, ny = design.proofs[0].loop.shape if design.proofs else (1, 1)
-    if isinstance(structure, Matrix):
-        nu, ny = structure.shape
+    nu, ny = _shape(design)
     entries, (inputs, outputs) = entries_of(structure, (ny, nu)), _ends(design)
     for i, j, factors in entries:
         words: list[str] = []
@@ -44,7 +58,7 @@ def _signal_names(design: ControllerDesign) -> tuple[list[str], list[str]]:
     if design.proofs:
         problem = design.proofs[0].band.problem
         return [one.name for one in problem.inputs], [one.name for one in problem.outputs]
-    nu, ny = design.structure.shape if isinstance(design.structure, Matrix) else (1, 1)
+    nu, ny = _shape(design)
     return [f"input {k + 1}" for k in range(nu)], [f"output {k + 1}" for k in range(ny)]
 
 

@@ -27,6 +27,7 @@ _DEEP, _HIGH = 1e-3, 10.0  # times the largest value with the design: what is be
 _BEFORE = "with the controller of the design"
 _MARGIN = 1.3  # of the axes
 _LOW = 1e-3  # smaller open loops are not drawn
+_TICKS = 4  # of a frequency axis as narrow as a telephone: powers of ten where 1, 2, 5 have no place
 
 
 def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Limits) -> Drawn:
@@ -47,7 +48,9 @@ def tuning_bode(found: Sequence[WorstAt], before: Sequence[WorstAt], limits: Lim
         span = span_of(np.concatenate([values, *(layer.y for layer in asked)]), _MARGIN)
         label = f"{'largest ' * (not bounded_below(limits, name))}|{letters}|"
         panels.append(Panel(letters, axis, Axis(label, log=True, range=span), [*layers, *asked]))
-    return plotly_figure(panels, _HEIGHT, domains=_DOMAINS)
+    drawn = plotly_figure(panels, _HEIGHT, domains=_DOMAINS)
+    drawn["layout"]["xaxis"]["nticks"] = _TICKS
+    return drawn
 
 
 def _open_loop(found: Sequence[WorstAt], before: Sequence[WorstAt], axis: Axis) -> Panel:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.controllers.conditions import conditions_of
+from robustid.controllers.conditions import conditions_of, integrators_of
 from robustid.controllers.designing import At, Task
 from robustid.controllers.discs import Discs
 from robustid.controllers.goals import as_goal
 from robustid.controllers.matrix_images import Quotients, discs_of_matrices
 from robustid.controllers.plants import Plants
-from robustid.controllers.structure import basis_of
+from robustid.controllers.structure import basis_of, integral_gain
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits, Matrix
 from support.design_cases import DT
@@ -109,6 +109,66 @@ def test_one_input_and_two_outputs():
     assert found.controller.D.shape == (1, 2)
     assert proof.kept
     judged(plant, band, found, proof.proofs[0], 50)
+
+
+def test_the_integral_gain_of_one_input_is_that_of_its_one_integrator():
+    """Limits of C at frequency 0, with the sign that a stable loop needs; too many integrators or none are refused."""
+    plant, band = driven()
+    limits = Limits(sensitivity_peak=PEAK)
+    task = Task.of([Plants.of(band)], Matrix([ROW]), limits, as_goal("integral gain"))
+    found = At(task, task.middle).found(40.0)
+    proof = task.proof(found)
+    assert proof.kept
+    z = 1 + 1e-7
+    gains = np.real((z - 1) / DT * found.controller(z))[0]
+    assert gains == pytest.approx([integral_gain(StateMatrices.of(found.controller), DT), 0.0], rel=1e-5, abs=1e-4)
+    assert gains[0] >= 40.0 * (1 - 1e-5)
+    assert np.abs(control.feedback(plant, found.controller).poles()).max() < 1
+    with pytest.raises(rid.InputError, match="must hold an integrator for its gain"):
+        rid.design_controller(band, Matrix([[ROW[1], ROW[1]]]), maximise="integral gain")
+
+
+def test_integrators_of_two_inputs_and_three_outputs_are_asked_for_by_their_least_singular_value():
+    """C is about K/s at the lowest frequency; along any isometry it is at most as far from the limit as along the best."""
+    rng, count = np.random.default_rng(4), 200
+    for ny, nu in ((2, 3), (3, 3)):  # of fewer inputs than outputs the transposed plant
+        discs = Discs.of(np.array([0.3]), np.zeros((1, ny, nu), complex), np.ones(1), np.ones((1, nu)))
+        one = integrators_of(2.0, discs)
+        for C in 20 * random(rng, count, 1, nu, ny):
+            least = np.linalg.svd(C, compute_uv=False)[0, -1] - one.w[0]
+            excess, turn = one.judged(C)
+            assert excess == pytest.approx(least)
+            assert one.ahead(C, turn) == pytest.approx(least)
+            other = np.linalg.qr(random(rng, 1, nu, ny))[0]
+            assert one.ahead(C, other)[0] <= least + 1e-9
+
+
+@pytest.mark.slow
+def test_the_largest_integral_gain_of_one_input_is_that_of_a_search_and_of_the_transposed_plant():
+    """Steps of all three gains about ever better ones, within the same discs: the second output brings nothing."""
+    plant, band = driven()
+    limits = Limits(sensitivity_peak=PEAK)
+    design = rid.design_controller(band, Matrix([ROW]), limits=limits, maximise="integral gain")
+    other, turned = transposed(plant, band)
+    same = rid.design_controller(turned, Matrix([[one] for one in ROW]), limits=limits, maximise="integral gain")
+    for one, own in ((plant, design), (other, same)):
+        assert own.status.name == "PROVED"
+        assert np.abs(control.feedback(one, own.controller).poles()).max() < 1
+    assert same.level == pytest.approx(design.level, rel=0.01)
+    plants, basis = Plants.of(band), basis_of(Matrix([ROW]), [], DT, (2, 1))
+    grid = np.unique(np.concatenate([plants.grid()[::2], np.geomspace(0.1, np.pi / DT, 150)]))
+    discs, V, rng = plants.discs(grid), basis.response(grid)[:, :, 0], np.random.default_rng(0)
+    pool = rng.choice([-1, 1], (4000, basis.count)) * 10 ** rng.uniform(-2, 1.7, (4000, basis.count))
+    for k in range(25):
+        C = np.einsum("fmy,nm->nfy", V, pool)
+        L, taken = np.einsum("nfy,fy->nf", C, discs.centre[:, 0]), np.einsum("nfy,fy->nf", np.abs(C), discs.units)
+        levels = np.where(np.all(np.abs(1 + L) - taken >= 1 / PEAK, axis=1), np.abs(pool @ basis.integral), 0.0)
+        order = [n for n in np.argsort(-levels)[:200] if levels[n] and plants.is_stable_with(basis.controller(pool[n]))]
+        reached, best = levels[order[0]], pool[order[:15]]
+        moved = best[rng.integers(0, len(best), 1500)]
+        pool = np.concatenate([best, moved * (1 + 0.75**k * rng.standard_normal(moved.shape))])
+    print(f"integral gain {design.level:.4g} 1/s, search {reached:.4g}")
+    assert design.level >= 0.97 * reached
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Limits, LowPass, Matrix, Notch
 from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
-from robustid.report.design_charts import design_chart, nyquist_charts, open_loop_bode
+from robustid.report.design_charts import _along, design_chart, nyquist_charts, open_loop_bode
 from robustid.report.design_page import _at, design_verdict, shares_table
 from robustid.report.design_steps import entry_charts, step_chart, step_tubes
 from robustid.report.design_structure import factor_words, structure_rows
@@ -106,6 +106,42 @@ def test_templates_of_every_map_are_drawn_and_listed():
     assert asked["tracking"] == "|T| ≥ 0.5, 0.0796 to 0.637 Hz"
     assert asked["disturbance"].startswith("|P S| ≤ 1,")
     assert asked["action"].startswith("|C S| ≤ 0.6,")
+
+
+def test_no_two_discs_of_the_open_loop_are_far_apart_on_the_axis_or_in_the_plane():
+    """At most twice the mean distance on both: a light mode, a few hundredths of the axis, is the circle that it is."""
+    (proof,) = small_design().proofs
+    dense = np.geomspace(0.1, 300.0, 20_000)
+    omega = _along(proof, dense[0], dense[-1])
+    plant = StateMatrices.of(small_band().model)
+    loops = (
+        np.prod([response_at(one, points_of(at, DT))[:, 0, 0] for one in (plant, PI)], axis=0) for at in (omega, dense)
+    )
+    chosen, every = (one / (1 + np.abs(one)) for one in loops)
+    mean = np.abs(np.diff(every)).sum() / (len(omega) - 1)
+    assert np.abs(np.diff(chosen)).max() <= 2.02 * mean
+    assert np.diff(np.log(omega)).max() <= 2.02 * np.log(3000.0) / (len(omega) - 1)
+    assert omega[[0, -1]] == pytest.approx([0.1, 300.0])
+
+
+P = PID(integral=False)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([[PID()]], "|P C|"),
+        ([[PID(), P]], "|C P|"),
+        ([[PID()], [P]], "|P C|"),
+        ([[PID(), None], [None, PID()]], "σmin(P C)"),
+        ([[PID(), None, None], [None, PID(), None]], "σmin(C P)"),
+        ([[PID(), None], [None, PID()], [P, None]], "σmin(P C)"),
+    ],
+)
+def test_the_bandwidth_is_that_of_the_loop_at_the_inputs_where_these_are_fewer(rows, words):
+    table = shares_table(dataclasses.replace(small_design(), structure=Matrix(rows)))
+    asked = {row[0]: row[1].replace("\u00a0", " ") for row in table.rows}
+    assert asked["bandwidth"] == f"{words} ≥ 1 up to 1.751 Hz"
 
 
 def test_the_open_loop_of_the_plant_is_in_the_range_and_discs_keep_out_of_the_peak():
