@@ -36,7 +36,7 @@ def most_delay(frf: FrequencyResponse, dt: float) -> int:
 def delay_fault(frf: FrequencyResponse, read: bool, held: bool = False) -> Fault | None:
     """The question whose a delay is that a response holds, or an output that comes before its input; None without either.
 
-    Of a response that was not `read` the records are late. Leads are sought where the inputs are known to be `held` between samples.
+    Of a response that was not `read` the records are late. Leads are sought where inputs are known to be `held` between samples.
 
     The largest entry of every output is looked at; outputs with different delays have no correction that is of all.
     """

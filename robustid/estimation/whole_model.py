@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -271,29 +272,26 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
     }
     each = {k: np.maximum(gain[0], delay[0]) for k, (gain, delay) in seen.items()}
     evidence = np.sum([np.where(one > limit, one, 0) for one in each.values()], axis=0)
-    plain = dict[int, float]()
+
+    @functools.cache
+    def plain(k: int) -> float:
+        found = _whole(_entry(frf, k), True)
+        return -np.inf if found is None else found.criterion
+
     for peak in _peaks(evidence):
         for upper in _beside(peak, lines):
             factors, size, nearly = np.ones(entries, complex), 0.0, False
             for k, one in models.items():
                 if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
                     continue
-                entry = _entry(frf, k)
-                if k not in plain:
-                    plain[k] = _criterion(_whole(entry, True))
                 gain, delay = ((float(chi[upper]), float(step[upper])) for chi, step in seen[k])
-                change, gained = _needed(
-                    entry, upper, plain[k], *((delay[1], True) if delay > gain else (gain[1], False))
-                )
+                delayed = delay > gain
+                change, gained = _needed(_entry(frf, k), upper, plain(k), (delay if delayed else gain)[1], delayed)
                 nearly |= gained > np.log(2 * lines)
-                own = complex(change[upper])
-                largest = min(np.abs(one.values[:upper]).max(), np.abs(one.values[upper:]).max())  # of either part
-                if gained <= _price(lines) or np.abs(own - 1) * largest <= _PART or of_resonance(own):
-                    continue
-                factors[k], size = (
-                    own,
-                    max(size, float(np.abs(own - 1) * np.abs(one.values[upper - 1 : upper + 1]).mean())),
-                )
+                own, values = complex(change[upper]), np.abs(one.values)
+                largest = min(values[:upper].max(), values[upper:].max())  # of either part
+                if gained > _price(lines) and np.abs(own - 1) * largest > _PART and not of_resonance(own):
+                    factors[k], size = own, max(size, float(np.abs(own - 1) * values[upper - 1 : upper + 1].mean()))
             if size > 0:
                 return Jump(upper, factors, size)
             if upper == peak and not nearly:
@@ -320,25 +318,23 @@ def _price(lines: int) -> float:
     return float(np.log(2 * lines) + 2 * np.log(2 * lines / _OF_JUMP))
 
 
-def _criterion(one: WholeModel | None) -> float:
-    return -np.inf if one is None else one.criterion
-
-
 def _needed(one: FrequencyResponse, upper: int, plain: float, size: float, delayed: bool) -> tuple[Complex, float]:
     """The change from a line on, and by how much models of all orders are better without it; its size is that of such a model.
 
     The first size is of a model that follows a part of the change with poles of its own.
     """
-    slope = 1j * one.omega / one.omega[-1]
+    slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
     for _ in range(_SIZES):
-        change = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
+        change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
         by = np.where(np.arange(slope.size) >= upper, change, 1)
         simpler = _whole(dataclasses.replace(one, values=one.values / by[:, None, None]), True)
         if simpler is None:
             break
         if plain - simpler.criterion > most:
             best, most = change, plain - simpler.criterion
+        if most > _price(slope.size):
+            break
         more = float(_steps(simpler, slope if delayed else np.ones(slope.size))[1][upper])
         size = size + more if delayed else (1 + size) * (1 + more) - 1
     return best, most
