@@ -78,7 +78,7 @@ def _early(each: dict[int, int], names: list[str], read: bool) -> Fault:
 
 
 def lead(frf: FrequencyResponse) -> int:
-    """Samples by which a response comes before its held input, 2 at least; 0 where a plant that does not is nearly as short.
+    """Samples by which a response comes before its held input, 2 at least; 0 where one that does not is about as short.
 
     As `dead_time`. Without a hold mobilities, whose size rises with the frequency, would be told of a lead.
     """

@@ -314,7 +314,7 @@ def _beside(peak: int, lines: int) -> list[int]:
 
 
 def _price(lines: int) -> float:
-    """What a change has to gain: one number more, sought at all places."""
+    """Least gain of a change in the criterion: it is one number more, sought at all places."""
     return float(np.log(2 * lines) + 2 * np.log(2 * lines / _OF_JUMP))
 
 
