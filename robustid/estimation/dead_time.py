@@ -1,4 +1,4 @@
-"""Dead time of a response in whole samples, behind which fewer poles describe it, and the question whose it is."""
+"""Dead time of a response in whole samples, behind which fewer poles describe it: the question whose it is; or its lead."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ _FEWEST = 16
 _STEP = 0.5  # in units of pi over the highest omega: delays that are tried first
 _OUTPUTS = 4  # that are looked at
 _LEAST = 2  # samples: one may be that of the hold
+_EARLIEST = 10  # samples of lead,
+_CLEARER = 1.0  # with which the description is shorter by so much a frequency point
 _SURE = float(np.log(1e4))  # nats by which the description is shorter: odds of one in so many that it is chance
 _EXACT = 1e-24
 
@@ -31,8 +33,10 @@ def most_delay(frf: FrequencyResponse, dt: float) -> int:
     return int(np.clip(slope / dt, 0, _LATEST))
 
 
-def delay_fault(frf: FrequencyResponse, read: bool) -> Fault | None:
-    """The question whose a delay is that a response holds; of one that was not `read` the records are late. None without one.
+def delay_fault(frf: FrequencyResponse, read: bool, held: bool = False) -> Fault | None:
+    """The question whose a delay is that a response holds, or an output that comes before its input; None without either.
+
+    Of a response that was not `read` the records are late. Leads are sought where inputs are known to be `held` between samples.
 
     The largest entry of every output is looked at; outputs with different delays have no correction that is of all.
     """
@@ -42,8 +46,11 @@ def delay_fault(frf: FrequencyResponse, read: bool) -> Fault | None:
         i: dead_time(frf.entry(i, int(np.argmax(size[i])))) for i in np.argsort(-size.max(axis=1))[:_OUTPUTS].tolist()
     }
     found = {i: late[i] for i in sorted(late) if late[i]}
-    if not found or frf.dt is None:
+    if frf.dt is None or not (found or held):
         return None
+    if not found:
+        early = {i: lead(frf.entry(i, int(np.argmax(size[i])))) for i in sorted(late)}
+        return _early(early, names, read) if any(early.values()) else None
     samples, of = max(found.values()), f"output{'s' * (len(found) > 1)} {', '.join(names[i] for i in found)}"
     verb, seconds = "answers" if len(found) == 1 else "answer", samples * frf.dt
     words = (
@@ -57,6 +64,32 @@ def delay_fault(frf: FrequencyResponse, read: bool) -> Fault | None:
     )
     correction = f"advance {samples}" if len(set(late.values())) == 1 else ""
     return Fault(FaultKind.DELAY, words, evidence, correction, "" if read else of, size=float(samples))
+
+
+def _early(each: dict[int, int], names: list[str], read: bool) -> Fault:
+    """Outputs that come before their input, all as many samples or some of them."""
+    samples, which = max(each.values()), [names[i] for i in each if each[i]]
+    of = f"output{'s' * (len(which) > 1)} {', '.join(which)}"
+    verb = "comes" if len(which) == 1 else "come"
+    words = f"{of} {verb} {samples} samples before what the input can cause: no stable plant does that"
+    evidence = "fewer poles describe the response ahead of its input, which is held between samples, than behind it"
+    correction = f"delay {samples}" if len(set(each.values())) == 1 else ""
+    return Fault(FaultKind.LATE, words, evidence, correction, "" if read else of, size=-float(samples))
+
+
+def lead(frf: FrequencyResponse) -> int:
+    """Samples by which a response comes before its held input, 2 at least; 0 where one that does not is about as short.
+
+    As `dead_time`. Without a hold mobilities, whose size rises with the frequency, would be told of a lead.
+    """
+    seen = _seen(frf)
+    if seen.omega.size < _FEWEST or not seen.dt:
+        return 0
+    points = np.unique(np.linspace(0, seen.omega.size - 1, _POINTS).astype(int))
+    fit = PoleFit(dataclasses.replace(seen.select(points), bound=None), feedthrough=True)
+    found = _lengths(fit, list(range(-_EARLIEST, 2)))
+    best, clearly = min(found, key=lambda d: found[d]), _SURE + _CLEARER * fit.samples
+    return -best if best <= -_LEAST and min(found[0], found[1]) > found[best] + clearly else 0
 
 
 def dead_time(frf: FrequencyResponse) -> int:

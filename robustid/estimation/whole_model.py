@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,9 @@ from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
 
 _CHANCE = 1e-4  # of a false alarm, over all places of all entries,
-_OF_JUMP = 1e-3  # and of one at a jump, which two criteria have to show
+_OF_JUMP = 1e-3  # and of one at a jump,
+_OF_PLACE = 1.0  # which is sought where something is seen,
+_PLACES, _SIZES = 3, 2  # at so many places, by so many models
 _ORDERS = (4, 6, 8, 12, 16, 20)
 _A_POLE, _FEWEST, _MOST = 6, 48, 2000  # lines; and lines of all entries
 _AS_GOOD, _UNCERTAIN = (
@@ -43,6 +46,7 @@ class WholeModel(NamedTuple):
     variance: float  # of every number that is left
     noise: float  # that local models find, rms
     dof: float | None  # of the scatter from which the bound of a line was taken; None: known
+    criterion: float
 
     @property
     def spare(self) -> int:
@@ -106,7 +110,7 @@ def _whole(one: FrequencyResponse, refined: bool) -> WholeModel | None:
     power = float(left @ left)
     if spare < right.size / 2 or power <= 1e-24 * float(right @ right):
         return None
-    return WholeModel(best.values, left, basis, power / spare, noise_in_bounds(one), one.bound.dof)
+    return WholeModel(best.values, left, basis, power / spare, noise_in_bounds(one), one.bound.dof, best.criterion)
 
 
 def _of_least_criterion(one: FrequencyResponse, refined: bool) -> tuple[_Fitted | None, PoleFit]:
@@ -262,44 +266,78 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
     omega, lines, entries = frf.omega, frf.omega.size, frf.values[0].size
     if not models or lines < 4 * _EDGE:
         return None
-    limit = 2 * float(np.log(2 * lines * len(models) / _OF_JUMP))
+    limit = 2 * float(np.log(2 * lines * len(models) / _OF_PLACE))
     seen = {
         k: [_steps(one, change) for change in (1.0 + 0 * omega, 1j * omega / omega[-1])] for k, one in models.items()
     }
     each = {k: np.maximum(gain[0], delay[0]) for k, (gain, delay) in seen.items()}
     evidence = np.sum([np.where(one > limit, one, 0) for one in each.values()], axis=0)
-    most = int(np.argmax(evidence))
-    beside = np.arange(max(most - _NEAR, 0), min(most + _NEAR + 1, lines))
-    for upper in beside[np.argsort(-evidence[beside], kind="stable")].tolist():
-        if evidence[upper] <= 0:
-            return None
-        factors, size = np.ones(entries, complex), 0.0
-        for k, one in models.items():
-            if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
-                continue
-            (gained, gain), (_, delay) = seen[k]
-            if gained[upper] == each[k][upper]:
-                change = 1 + gain[upper] + 0j * omega
-            else:
-                change = np.exp(1j * delay[upper] * omega / omega[-1])
-            own = complex(change[upper])
-            largest = min(np.abs(one.values[:upper]).max(), np.abs(one.values[upper:]).max())  # of either part
-            if np.abs(own - 1) * largest <= _PART or of_resonance(own) or not _is_needed(_entry(frf, k), change, upper):
-                continue
-            factors[k], size = own, max(size, float(np.abs(own - 1) * np.abs(one.values[upper - 1 : upper + 1]).mean()))
-        if size > 0:
-            return Jump(upper, factors, size)
+
+    @functools.cache
+    def plain(k: int) -> float:
+        found = _whole(_entry(frf, k), True)
+        return -np.inf if found is None else found.criterion
+
+    for peak in _peaks(evidence):
+        for upper in _beside(peak, lines):
+            factors, size, nearly = np.ones(entries, complex), 0.0, False
+            for k, one in models.items():
+                if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
+                    continue
+                gain, delay = ((float(chi[upper]), float(step[upper])) for chi, step in seen[k])
+                delayed = delay > gain
+                change, gained = _needed(_entry(frf, k), upper, plain(k), (delay if delayed else gain)[1], delayed)
+                nearly |= gained > np.log(2 * lines)
+                own, values = complex(change[upper]), np.abs(one.values)
+                largest = min(values[:upper].max(), values[upper:].max())  # of either part
+                if gained > _price(lines) and np.abs(own - 1) * largest > _PART and not of_resonance(own):
+                    factors[k], size = own, max(size, float(np.abs(own - 1) * values[upper - 1 : upper + 1].mean()))
+            if size > 0:
+                return Jump(upper, factors, size)
+            if upper == peak and not nearly:
+                break
     return None
 
 
-def _is_needed(one: FrequencyResponse, change: Complex, upper: int) -> bool:
-    """Return whether models of all orders are clearly worse, by the criterion, than those of the entry without the change."""
-    by = np.where(np.arange(change.size) >= upper, change, 1)
-    without = dataclasses.replace(one, values=one.values / by[:, None, None])
-    simpler, plain = (_of_least_criterion(each, True)[0] for each in (without, one))
-    numbers = 2 * change.size
-    clearly = float(np.log(numbers) + 2 * np.log(numbers / _OF_JUMP))  # one number more, sought at all places
-    return simpler is not None and plain is not None and simpler.criterion + clearly < plain.criterion
+def _peaks(evidence: Real) -> list[int]:
+    """The most likely places, away from each other."""
+    left, found = evidence.copy(), list[int]()
+    while len(found) < _PLACES and np.any(left > 0):
+        found.append(int(np.argmax(left)))
+        left[max(found[-1] - _NEAR, 0) : found[-1] + _NEAR + 1] = 0
+    return found
+
+
+def _beside(peak: int, lines: int) -> list[int]:
+    """A place and those near it, by distance."""
+    return sorted(range(max(peak - _NEAR, 0), min(peak + _NEAR + 1, lines)), key=lambda upper: abs(upper - peak))
+
+
+def _price(lines: int) -> float:
+    """Least gain of a change in the criterion: it is one number more, sought at all places."""
+    return float(np.log(2 * lines) + 2 * np.log(2 * lines / _OF_JUMP))
+
+
+def _needed(one: FrequencyResponse, upper: int, plain: float, size: float, delayed: bool) -> tuple[Complex, float]:
+    """The change from a line on, and by how much models of all orders are better without it; its size is that of such a model.
+
+    The first size is of a model that follows a part of the change with poles of its own.
+    """
+    slope: Complex = 1j * one.omega / one.omega[-1]
+    best, most = np.ones(one.omega.size, complex), 0.0
+    for _ in range(_SIZES):
+        change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
+        by = np.where(np.arange(slope.size) >= upper, change, 1)
+        simpler = _whole(dataclasses.replace(one, values=one.values / by[:, None, None]), True)
+        if simpler is None:
+            break
+        if plain - simpler.criterion > most:
+            best, most = change, plain - simpler.criterion
+        if most > _price(slope.size):
+            break
+        more = float(_steps(simpler, slope if delayed else np.ones(slope.size))[1][upper])
+        size = size + more if delayed else (1 + size) * (1 + more) - 1
+    return best, most
 
 
 def _steps(one: WholeModel, change: NDArray[np.complexfloating] | Real) -> tuple[Real, Real]:

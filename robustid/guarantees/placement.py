@@ -203,8 +203,8 @@ class OverBox(Programs):
                 before = self._covers.get(w, [])
                 most = min(len(before) + _FURTHER, _CELLS_AT_PEAK) if before else _CELLS
                 leaves = self._tree.cover(w, self._largest[None], most, means, start=before or self._beside(w))
-                if leaves is None or set(leaves) == set(before):
-                    break
+                if leaves is None or set(leaves) == set(before) or any(leaf.found is None for leaf in leaves):
+                    break  # the time is over, no more cells make it smaller, or one says nothing
                 self._covers[w], seen = leaves, [*seen, w]
                 share[w] = min(share[w], self._share(w, leaves))
                 if means.progress is not None:

@@ -95,3 +95,14 @@ def test_of_records_the_record_is_late():
     fault = delay_fault(simulated("heater").response, False)
     assert fault.of_records
     assert not delay_fault(simulated("heater").response, True).of_records
+
+
+@pytest.mark.parametrize("name", ["stage", "matrix"])
+def test_of_held_inputs_an_output_that_comes_first_is_told(name):
+    """By two samples, which a plant whose response rises with the frequency would explain, were the inputs not held."""
+    response = simulated(name).response
+    early = response.without_delay(2 * response.dt)
+    fault = delay_fault(early, False, held=True)
+    assert (fault.kind, fault.size, fault.correction) == ("late", -2.0, "delay 2")
+    assert delay_fault(early, False) is None
+    assert delay_fault(response, False, held=True) is None

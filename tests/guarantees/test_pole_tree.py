@@ -2,12 +2,14 @@
 
 import dataclasses
 import functools
+import types
 
 import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees import box_of
+from robustid.core import Budget
+from robustid.guarantees import box_of, placement, pole_tree
 from robustid.guarantees.pole_proofs import KeptCell
 from robustid.guarantees.pole_tree import PoleTree
 from robustid.guarantees.sweep import Means
@@ -129,3 +131,14 @@ def test_an_amplitude_below_the_proved_one_is_not_accepted():
     assert not forged.covered
     unproved = dataclasses.replace(first.cell, proofs=())
     assert not dataclasses.replace(found, kept=(KeptCell(first.values, unproved), *found.kept[1:])).covered
+
+
+def test_cells_of_which_nothing_is_known_are_no_polygons(monkeypatch):
+    """As where the time is over before their margin is decided."""
+    monkeypatch.setattr(pole_tree, "looked_at", lambda *_: None)
+    found, omega = identified(), np.array([BESIDE, PEAK])
+    programs = placement.OverBox(found, found.model, BOX, np.ones((1, 1)), Budget())
+    discs = types.SimpleNamespace(at=lambda omega: (np.zeros((omega.size, 1, 1)), np.ones((omega.size, 1, 1))))
+    seen, radius = programs.lower(omega, discs, Means())
+    assert seen.size == radius.size == 0
+    assert programs.polygons() is None

@@ -104,12 +104,16 @@ def with_faults(run: RunFile, data: Measured, around: Surroundings) -> Measured:
 
 
 def with_questions(run: RunFile, data: Measured, asked: Modes, around: Surroundings) -> Measured:
-    """The data with the delay that the response shows by whole samples, where poles are chosen and nobody stated a delay."""
+    """The data with the delay or lead that the response shows by samples, where poles are chosen and nobody stated a delay."""
     own = run.modes.source is Source.DATA and asked.delay is None and not run.delay.seconds and data.loop is None
     if not own or not data.responses or data.dt is None:
         return data
     frf, read = data.responses[0], data.origins.responses[:1] != (None,)
-    if any(fault.kind is FaultKind.LATE for fault in frf.faults) or (fault := delay_fault(frf, read)) is None:
+    held = not read and bool(data.excited) and all(one.held for one in data.excited)
+    if (
+        any(fault.kind in (FaultKind.LATE, FaultKind.FEEDBACK) for fault in frf.faults)
+        or (fault := delay_fault(frf, read, held)) is None
+    ):
         return data
     around.say(str(fault))
     first = dataclasses.replace(frf, faults=(*frf.faults, fault))

@@ -210,6 +210,9 @@ def compared_with_fits(work: Work) -> None:
     if work.around.stops.interrupted:
         work.not_compared = "Ctrl-C left out the comparison of the small model with the best fits of the data."
         return
+    if work.around.budget.over:  # one fit alone takes long
+        work.not_compared = "The time was over before the small model was compared with the best fits of the data."
+        return
     work.not_compared = why_not_compared(result, work.small, left.response, left.records)
     if work.not_compared:
         return
