@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Budget, Progress, Real, Savable, as_array, as_flag, as_kind, freeze, hz_words, one_thread
+from robustid.core import (
+    Budget,
+    Progress,
+    Real,
+    Savable,
+    Stops,
+    as_array,
+    as_flag,
+    as_kind,
+    freeze,
+    hz_words,
+    one_thread,
+    was_interrupted,
+)
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.circle import CircleBound
@@ -225,20 +238,21 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         thing = as_kind("identification", identification, Identification, "an Identification")
         check_same(thing.problem, self.problem)
         plain = dataclasses.replace(self, polygons=None, joined=())
-        about = as_nominal(self.model, thing)
-        if self.box is None and omega is not None:
-            found = worst_case_error(thing, model=about, omega=omega, known=self, **means.options)
-            return self.between(found, budget)
-        grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
-        if self.box is None:
-            return placed(OfExactPoles(thing, about), plain, grid, means)
-        errors = known_errors(plain, thing.problem, about, grid)
-        programs = OverBox(thing, about, self.box, errors.max(axis=0), budget, every=omega is not None)
-        if omega is None:
-            return placed(programs, plain, grid, means)
-        programs.solve(grid, plain, means)
-        polygons = programs.polygons()
-        return self if polygons is None else self.between(polygons, budget)
+        with Stops().listening():  # after Ctrl-C nothing further is searched
+            about = as_nominal(self.model, thing)
+            if self.box is None and omega is not None:
+                found = worst_case_error(thing, model=about, omega=omega, known=self, **means.options)
+                return self.between(found, budget)
+            grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
+            if self.box is None:
+                return placed(OfExactPoles(thing, about), plain, grid, means)
+            errors = known_errors(plain, thing.problem, about, grid)
+            programs = OverBox(thing, about, self.box, errors.max(axis=0), budget, every=omega is not None)
+            if omega is None:
+                return placed(programs, plain, grid, means)
+            programs.solve(grid, plain, means)
+            polygons = programs.polygons()
+            return self if polygons is None else self.between(polygons, budget)
 
     def with_polygons(self, polygons: Bounded) -> Self:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
@@ -256,13 +270,13 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         return self.between(polygons, Budget())
 
     def between(self, polygons: Bounded, budget: Budget | None) -> Self:
-        """As `with_polygons`, with a search between them within a budget; without one a short search."""
+        """As `with_polygons`, with a search between them within a budget; without one a short search, after Ctrl-C none."""
         check_polygons(polygons, self.problem, self.box)
         low, high = self.range
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        joined = joined_bands(self.bands, polygons, budget)
+        joined = () if was_interrupted() else joined_bands(self.bands, polygons, budget)
         about = polygons.identification.problem
         return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, joined=joined)
 

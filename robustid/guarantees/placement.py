@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Interruptible, Real, threads_for
+from robustid.core import Budget, Interruptible, Real, threads_for, was_interrupted
 from robustid.errors import InputError
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.linear.functions import Box
@@ -303,7 +303,7 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     if seen.size:
         tried[np.searchsorted(candidates, seen)], polygons = radius, programs.polygons()
     size = programs.together if plain[0].size <= _MANY else programs.most
-    while count < programs.most:
+    while count < programs.most and not was_interrupted():
         room = min(size, programs.most - count)
         with np.errstate(invalid="ignore", divide="ignore"):  # nothing is gained where nothing is known, or all is
             now, then = found.at(candidates)[1], _estimated(plain, tried, candidates)
@@ -330,7 +330,7 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         count += chosen.size
         polygons = programs.polygons()
         ample = means.budget is None or means.budget.left > 2 * searching
-        if polygons is not None and joining <= _QUICK * (solved - before) and ample:
+        if polygons is not None and joining <= _QUICK * (solved - before) and ample and not was_interrupted():
             found, joined = band.between(polygons, None), polygons
             joining = max(joining, time.monotonic() - solved)
         if means.budget is not None and means.budget.over:
