@@ -9,22 +9,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import (
-    Budget,
-    Progress,
-    Real,
-    Savable,
-    Stops,
-    as_array,
-    as_flag,
-    as_kind,
-    freeze,
-    hz_words,
-    one_thread,
-    was_interrupted,
-)
+from robustid.core import Budget, Progress, Real, Savable, as_array, as_flag, as_kind, freeze, hz_words, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
+from robustid.guarantees.candidates import candidates_of
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.linear.directed import DirectedBand
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
@@ -33,7 +21,7 @@ from robustid.guarantees.linear.solved_nodes import JoinedBands
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.placement import OfExactPoles, OverBox, candidates_of, known_errors, placed
+from robustid.guarantees.placement import refined
 from robustid.guarantees.refinement import (
     SAME,
     check_polygons,
@@ -49,7 +37,6 @@ from robustid.guarantees.scope import pole_words
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.whole_axis import whole_axis
-from robustid.guarantees.worst_case import worst_case_error
 from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
@@ -238,21 +225,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         thing = as_kind("identification", identification, Identification, "an Identification")
         check_same(thing.problem, self.problem)
         plain = dataclasses.replace(self, polygons=None, joined=())
-        with Stops().listening():  # after Ctrl-C nothing further is searched
-            about = as_nominal(self.model, thing)
-            if self.box is None and omega is not None:
-                found = worst_case_error(thing, model=about, omega=omega, known=self, **means.options)
-                return self.between(found, budget)
-            grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
-            if self.box is None:
-                return placed(OfExactPoles(thing, about), plain, grid, means)
-            errors = known_errors(plain, thing.problem, about, grid)
-            programs = OverBox(thing, about, self.box, errors.max(axis=0), budget, every=omega is not None)
-            if omega is None:
-                return placed(programs, plain, grid, means)
-            programs.solve(grid, plain, means)
-            polygons = programs.polygons()
-            return self if polygons is None else self.between(polygons, budget)
+        about = as_nominal(self.model, thing)
+        grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
+        return refined(self, plain, thing, about, grid, means, stated=omega is not None)
 
     def with_polygons(self, polygons: Bounded) -> Self:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
@@ -276,7 +251,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        joined = () if was_interrupted() else joined_bands(self.bands, polygons, budget)
+        joined = joined_bands(self.bands, polygons, budget)
         about = polygons.identification.problem
         return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, joined=joined)
 
