@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustid.core import Budget, Progress, Real, Savable, as_array, as_flag, as_kind, freeze, hz_words, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
+from robustid.guarantees.candidates import candidates_of
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.linear.directed import DirectedBand
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
@@ -20,7 +21,7 @@ from robustid.guarantees.linear.solved_nodes import JoinedBands
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_nominal
 from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.placement import OfExactPoles, OverBox, candidates_of, known_errors, placed
+from robustid.guarantees.placement import refined
 from robustid.guarantees.refinement import (
     SAME,
     check_polygons,
@@ -36,7 +37,6 @@ from robustid.guarantees.scope import pole_words
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.whole_axis import whole_axis
-from robustid.guarantees.worst_case import worst_case_error
 from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
@@ -226,19 +226,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         check_same(thing.problem, self.problem)
         plain = dataclasses.replace(self, polygons=None, joined=())
         about = as_nominal(self.model, thing)
-        if self.box is None and omega is not None:
-            found = worst_case_error(thing, model=about, omega=omega, known=self, **means.options)
-            return self.between(found, budget)
         grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
-        if self.box is None:
-            return placed(OfExactPoles(thing, about), plain, grid, means)
-        errors = known_errors(plain, thing.problem, about, grid)
-        programs = OverBox(thing, about, self.box, errors.max(axis=0), budget, every=omega is not None)
-        if omega is None:
-            return placed(programs, plain, grid, means)
-        programs.solve(grid, plain, means)
-        polygons = programs.polygons()
-        return self if polygons is None else self.between(polygons, budget)
+        return refined(self, plain, thing, about, grid, means, stated=omega is not None)
 
     def with_polygons(self, polygons: Bounded) -> Self:
         """Return the band with the polygons of a worst-case error that is known, at their frequencies too.
@@ -256,7 +245,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         return self.between(polygons, Budget())
 
     def between(self, polygons: Bounded, budget: Budget | None) -> Self:
-        """As `with_polygons`, with a search between them within a budget; without one a short search."""
+        """As `with_polygons`, with a search between them within a budget; without one a short search, after Ctrl-C none."""
         check_polygons(polygons, self.problem, self.box)
         low, high = self.range
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]

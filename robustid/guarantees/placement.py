@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Interruptible, Real, threads_for
+from robustid.core import Budget, Interruptible, Real, Stops, threads_for, was_interrupted
 from robustid.errors import InputError
+from robustid.guarantees.candidates import halved, known_errors
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
@@ -21,19 +22,20 @@ from robustid.guarantees.pole_tree import Branch, PoleTree
 from robustid.guarantees.refinement import discs_of, in_order
 from robustid.guarantees.sweep import Known, Means, value_sets
 from robustid.guarantees.value_set import ValueSet, by_frequency, gap_of
+from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
-from robustid.identification import Identification, MixedProblem
+from robustid.identification import Identification
 
 if TYPE_CHECKING:
     import control
 
-_GRID = 40  # further candidates, equally spaced
-_THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box
-_NARROW = 0.25  # and of the half-width of the nearest resonance
-_AROUND = 13  # and so many over three times the width of the box of every mode
 _MOST, _ROUND = 40, 8  # frequencies, and of these so many before the next are chosen
 _MOST_OF_CELLS, _ROUND_OF_CELLS, _SPREAD = 32, 4, 14  # the same over a box, and those that are spread over all
 _MANY = 4  # entries: of more all frequencies are chosen at once, since the search between them takes as long as they do
+_MOST_IN_TIME, _LESS = (
+    160,
+    1.02,
+)  # the same where there is a limit of time, at exact poles; and halfway between the candidates
 _GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
@@ -53,6 +55,11 @@ _NO_TIME = 1e-9
 class Refinable(Known, Protocol):
     """A band that takes polygons."""
 
+    @property
+    def box(self) -> Box | None:
+        """Pole-uncertainty box that it covers."""
+        ...
+
     def between(self, polygons: Bounded, budget: Budget | None) -> Self:
         """Return it with polygons, the search between them within a budget; without one a short search."""
         ...
@@ -65,7 +72,7 @@ class Programs(abc.ABC):
     """Semidefinite programs of one statement, and the polygons that were found."""
 
     together: int  # frequencies that are chosen at once
-    most = _MOST
+    most = in_time = _MOST  # in all; where there is a limit of time
 
     def __init__(self, identification: Identification, model: control.StateSpace) -> None:
         self.identification, self.model = identification, model
@@ -91,7 +98,7 @@ class Programs(abc.ABC):
 class OfExactPoles(Programs):
     """Poles as they are stated; of every solution at `least` so many frequencies whatever the time is."""
 
-    together = _ROUND
+    together, in_time = _ROUND, _MOST_IN_TIME
 
     def __init__(
         self,
@@ -134,7 +141,7 @@ class OfExactPoles(Programs):
 class OverBox(Programs):
     """Poles anywhere in a box, at every frequency in cells of their own: the more, the nearer it is to the largest error."""
 
-    together, most = _ROUND_OF_CELLS, _MOST_OF_CELLS
+    together, most, in_time = _ROUND_OF_CELLS, _MOST_OF_CELLS, _MOST_OF_CELLS
 
     def __init__(
         self,
@@ -255,41 +262,41 @@ class OverBox(Programs):
         )
 
 
-def known_errors(known: Known, problem: MixedProblem, model: control.StateSpace, omega: Real) -> Real:
-    """Bounds of the errors of a model that known discs give, (F, ny, nu)."""
-    centre, radius = known.at(omega)
-    return np.abs(centre - problem.plane.values_at(model, omega)) + radius
+def refined(
+    band: B,
+    plain: B,
+    identification: Identification,
+    model: control.StateSpace,
+    omega: Real,
+    means: Means,
+    *,
+    stated: bool,
+) -> B:
+    """The band with polygons at the frequencies that are `stated`, or where they gain most of these; `plain` has none yet.
 
-
-def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | None = None) -> Real:
-    """Frequencies at which polygons are thought of: those of a band, a grid, and some around a box, in the range of the data."""
-    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
-    low, high = band.range
-    if lines.size:
-        low, high = max(low, float(lines.min())), min(high, float(lines.max()))
-    inside = omega[(omega >= low) & (omega <= high)]
-    every = [inside, np.linspace(low, high, _GRID)]
-    ends: list[list[float]] = [] if box is None else box[0].tolist()
-    for least, most in ends:
-        first, last = (min(max(end, low), high) for end in (2 * least - most, 2 * most - least))
-        every.append(np.linspace(first, last, _AROUND))
-    found = np.unique(np.concatenate(every))
-    if box is None:
-        return found
-    # A resonance can be narrower than that: at least a few candidates over the half-width of the lightest one in a box.
-    nearest = np.argmin(np.abs(found[:, None] - box[0].mean(axis=1)), axis=1)
-    narrow = _NARROW * (box[0][:, 0] * box[1][:, 0])[nearest]
-    apart = np.minimum(_THIN * found, narrow)
-    # Those of the band, at which its error is reported, before the others.
-    away = np.abs(found[:, None] - inside).min(axis=1, initial=np.inf)
-    found, apart = found[(away == 0) | (away > apart)], apart[(away == 0) | (away > apart)]
-    return found[np.diff(found, prepend=-np.inf) > apart]
+    After Ctrl-C nothing further is searched.
+    """
+    with Stops().listening():
+        if band.box is None:
+            if not stated:
+                return placed(OfExactPoles(identification, model), plain, omega, means)
+            found = worst_case_error(identification, model=model, omega=omega, known=band, **means.options)
+            return band.between(found, means.budget)
+        largest = known_errors(plain, identification.problem, model, omega).max(axis=0)
+        budget = means.budget or Budget()
+        programs = OverBox(identification, model, band.box, largest, budget, every=stated)
+        if not stated:
+            return placed(programs, plain, omega, means)
+        programs.solve(omega, plain, means)
+        polygons = programs.polygons()
+        return band if polygons is None else band.between(polygons, means.budget)
 
 
 def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     """The band with polygons at those candidates, rising, where they gain most, until nothing or no time is left.
 
-    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units.
+    Radii of polygons are estimated from those of the discs of the samples alone, times what those beside had in these units. Where
+    a limit of time leaves some when these are done, further ones halfway between them, which gain less.
     """
     plain = band.at(candidates)[1]
     tried = np.full(plain.shape, np.nan)  # radii, of those that were looked at
@@ -302,14 +309,17 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
     seen, radius = programs.lower(candidates, band, first)
     if seen.size:
         tried[np.searchsorted(candidates, seen)], polygons = radius, programs.polygons()
-    size = programs.together if plain[0].size <= _MANY else programs.most
-    while count < programs.most:
-        room = min(size, programs.most - count)
+    few = plain[0].size <= _MANY
+    size, most, least = programs.together if few else programs.most, programs.most, _GAIN
+    if few and means.budget is not None and means.budget.seconds is not None:
+        most = programs.in_time
+    while count < most and not was_interrupted():
+        room = min(size, most - count)
         with np.errstate(invalid="ignore", divide="ignore"):  # nothing is gained where nothing is known, or all is
             now, then = found.at(candidates)[1], _estimated(plain, tried, candidates)
             gain = (now / then).max(axis=(1, 2))
             drop = np.nan_to_num((now - then) / plain.max(axis=0)).max(axis=(1, 2))
-        new = np.isnan(tried).all(axis=(1, 2)) & (gain > _GAIN)
+        new = np.isnan(tried).all(axis=(1, 2)) & (gain > least)
         if count:
             chosen = np.union1d(
                 _apart(np.where(new, drop, 0), room // 2), _apart(np.where(new, gain, 0), room - room // 2)
@@ -317,7 +327,11 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         else:
             chosen = _first(np.where(new, plain.max(axis=(1, 2)), 0), (room + 1) // 2, programs.spread(room))
         if not chosen.size:
-            break
+            if most == programs.most or least == _LESS:
+                break
+            candidates, tried, least = *halved(candidates, tried), _LESS
+            plain = band.at(candidates)[1]
+            continue
         # The best of them first: the time may end before the others.
         chosen = chosen[np.argsort(-gain[chosen], kind="stable")]
         before = time.monotonic()
@@ -330,7 +344,7 @@ def placed(programs: Programs, band: B, candidates: Real, means: Means) -> B:
         count += chosen.size
         polygons = programs.polygons()
         ample = means.budget is None or means.budget.left > 2 * searching
-        if polygons is not None and joining <= _QUICK * (solved - before) and ample:
+        if polygons is not None and joining <= _QUICK * (solved - before) and ample and not was_interrupted():
             found, joined = band.between(polygons, None), polygons
             joining = max(joining, time.monotonic() - solved)
         if means.budget is not None and means.budget.over:
@@ -378,8 +392,8 @@ def _apart(value: Real, count: int) -> NDArray[np.intp]:
     """So many numbers, rising, of the largest positive values that are some way apart."""
     found: list[int] = []
     for k in np.argsort(-value, kind="stable").tolist():
-        if value[k] > 0 and all(abs(k - other) > _BESIDE for other in found):
-            found.append(k)
         if len(found) == count:
             break
+        if value[k] > 0 and all(abs(k - other) > _BESIDE for other in found):
+            found.append(k)
     return np.array(sorted(found), dtype=int)

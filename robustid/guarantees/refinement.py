@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Complex, Real, exponents_of, fingerprint, one_thread
+from robustid.core import Budget, Complex, Real, exponents_of, fingerprint, one_thread, was_interrupted
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import Entry
@@ -157,7 +157,9 @@ def joined_bands(
 ) -> tuple[EntryBand | DirectedBand, ...]:
     """The bands of the entries with certificates over samples and polygons: everywhere, between the polygons too.
 
-    Of one direction each, as far as the time goes; without a budget of all directions at once, which is sooner.
+    Of one direction each, as far as the time goes; without a budget of all directions at once, which is sooner. After Ctrl-C none.
     """
+    if was_interrupted():
+        return ()
     with one_thread():
         return tuple(joined_band(one, nodes_of(polygons, one.samples.entry), budget) for one in bands)

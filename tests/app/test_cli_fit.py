@@ -214,5 +214,15 @@ def test_misuse_exits_with_2_and_one_sentence(files, run, arguments, words):
         command_line.refused(run(arguments), words)
 
 
-def test_interrupted_leaves_nothing(files, run, monkeypatch):
-    command_line.interrupted(run, ["hertz.npz", "--frequency-unit", "Hz", "--order", "4"], monkeypatch)
+def test_ctrl_c_while_the_page_is_drawn_leaves_the_model(files, run, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robustid.report.render_report", stop)
+    code, out, _ = run(
+        ["hertz.npz", "--frequency-unit", "Hz", "--order", "4", "-o", "alone.mat", "--report", "no.html"]
+    )
+    assert code == 130
+    assert "written: alone.mat" in out
+    assert load_model("alone.mat").nstates == 4
+    assert not (files / "no.html").exists()

@@ -40,7 +40,7 @@ def test_a_listener_hears_of_ctrl_c_that_a_loop_keeps_back():
     assert deaf.unfinished is None
 
 
-def test_an_interrupted_command_exits_with_130_and_leaves_its_page_to_another(files, run, monkeypatch):
+def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files, run, monkeypatch):
     told = screen.told
 
     def stopping(*options):
@@ -61,16 +61,13 @@ def test_an_interrupted_command_exits_with_130_and_leaves_its_page_to_another(fi
     assert words.index("Interrupted: Ctrl-C ended it before its end") < words.index("Consistent")
     assert "resume" not in words  # which this command has not
     assert rid.load("first").consistent
-    assert not (files / "first.html").exists()  # nobody waits for a drawing after Ctrl-C
-    monkeypatch.setattr(screen, "told", told)
-    assert "next, the page, which Ctrl-C has left out: robustid report first -o first.html" in words
-    code, out, err = run(["report", "first", "--no-reduce", "-o", "first.html"])
-    said = "Interrupted: Ctrl-C ended the identification before its end: what stands here was found by then"
-    assert code == 0
-    assert said in " ".join(out.split())
+    assert "written: first.npz, first.json, first.html" in words
+    said = "Interrupted: Ctrl-C ended it before its end: what stands here was found by then"
     before, after = first_screen(files / "first.html")
     assert said in " ".join(before.split())
     assert "Consistent" in after
+    monkeypatch.setattr(screen, "told", told)
+    said = "Interrupted: Ctrl-C ended the identification before its end: what stands here was found by then"
     again = rid.load("first")
     assert again.choices["unfinished"].value == Unfinished((), True, run="the identification")
     again.save("copied")  # and it stays with what is kept
@@ -135,9 +132,6 @@ def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit
     said = "Interrupted: Ctrl-C ended the sweep over the order before its end"
     assert (code, ended) == (130, [True]), err
     assert " ".join(out.split()).index(said) < out.index("onverged")
-    assert "next, the page, which Ctrl-C has left out:" in out
-    monkeypatch.setattr(screen, "told", told)
-    assert run(["report", "fit", "-o", "fit.html"])[0] == 0
     before, _ = first_screen(tmp_path / "fit.html")
     assert said in " ".join(before.split())
     assert rid.load("fit").unfinished.interrupted
@@ -193,6 +187,25 @@ def test_a_search_for_a_contradiction_has_a_share_of_the_time_and_says_that_it_i
     assert "looking for samples that no system explains" in result.summary()
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("unreduced")
+def test_ctrl_c_while_a_band_is_narrowed_keeps_what_is_proved_on_a_page(folder):
+    """The verdict, the band and polygons that were found by then; nothing is searched between them any more."""
+
+    def stop(text, done, count):
+        if "narrowing" in text and done == 1:
+            raise KeyboardInterrupt
+
+    stated = {"worst_case": {"directions": 4}}
+    result = rid.run(ask(folder, DATA, {"prior": STATED["prior"]}, stated), "out", progress=stop)
+    assert result.unfinished.interrupted
+    assert result.band.certified
+    assert result.band.polygons is not None
+    assert not result.band.joined
+    assert "Interrupted: Ctrl-C ended it" in first_screen(folder / "out" / "report.html")[0]
+    assert rid.load("out/band").polygons.omega.size == result.band.polygons.omega.size
+
+
 @pytest.mark.usefixtures("unreduced", "unsharpened")
 def test_a_run_in_its_time_leaves_nothing_out(folder):
     result = rid.run(ask(folder, DATA, STATED, {"worst_case": {"compute": False}}), "out")
@@ -217,6 +230,8 @@ def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kep
     assert result.unfinished.interrupted
     assert result.unfinished.resumable is kept
     if kept:
+        said = first_screen(folder / "out" / "report.html")[0]
+        assert "Interrupted: Ctrl-C ended it before its end: what stands here was found by then" in said
         rid.write_report(rid.load("out/identification"), "later.html")
         assert "Interrupted: Ctrl-C ended the run before its end" in first_screen(folder / "later.html")[0]
         assert rid.run(path, "out", resume=True).unfinished is None

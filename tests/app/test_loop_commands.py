@@ -163,9 +163,7 @@ def test_ctrl_c_keeps_the_controllers_that_were_tried(here, capsys, monkeypatch)
     assert "what was found by then is written" in err
     assert rid.load(here / "stopped-near").guaranteed
     assert rid.load(here / "stopped-bad").status.name == "UNDECIDED"  # refuted by none as yet
-    assert "robustid report stopped-near -o stopped.html" in out
-    assert not (here / "stopped.html").exists()
-    assert words(["report", "stopped-near", "-o", "stopped.html"], capsys, monkeypatch)[0] == 0
+    assert "stopped.html" in out
     assert "Stable with every consistent plant" in (here / "stopped.html").read_text(encoding="utf-8")
     interrupting(monkeypatch, "loop_bounds", "LoopAxis")  # before there is anything
     code, _, err = words(["loop", ".", "--controller", "near.npz", "-o", "nothing"], capsys, monkeypatch)

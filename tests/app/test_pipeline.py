@@ -208,7 +208,8 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
     assert code == 130
     assert "--resume" in out
     assert sorted(p.name for p in (folder / "out").iterdir()) == [
-        "band.json", "band.npz", "identification.json", "identification.npz", "response-1.csv", "run.toml",
+        "band.json", "band.npz", "identification.json", "identification.npz", "report.html", "response-1.csv", "run.toml",
+        "small_model.npz", "summary.txt",
     ]  # fmt: skip
 
     def again(*_, **__):

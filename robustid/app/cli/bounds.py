@@ -13,7 +13,7 @@ import typer
 from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import AsJson, Force, Output, Report, Static, Verbose, words_of
 from robustid.app.cli.identify import smallest
-from robustid.app.cli.screen import Next, in_words, resumable, telling
+from robustid.app.cli.screen import Next, in_words, telling
 from robustid.app.run.settings import WorstCase
 from robustid.errors import InputError
 
@@ -41,6 +41,7 @@ _GIVEN = (
 
 def bounds(
     *,
+    context: typer.Context,
     source: Annotated[Path, typer.Argument(help="A saved identification (NAME, NAME.npz or NAME.json).")],
     omega: Annotated[
         list[float] | None,
@@ -83,6 +84,7 @@ def bounds(
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import bounded, circled, proved
+    from robustid.app.run.undoing import again
     from robustid.app.run.work import Step, Work, carry_out
 
     if omega and points:
@@ -101,15 +103,15 @@ def bounds(
     executor = _processes(identification, at, how.directions, workers)
     over_box: list[Step] = [lambda work: _over_box(work, suggested), found.keep_over_box]
     words = words_of(bounds, executor="--workers", identification="the identification")
-    found_again = f"finished frequencies are in {resume}: the same command goes on from there"
-    kept = resumable(found.console, found_again, lambda: resume is not None)
-    with in_words(words), kept, telling(found.console) as progress:
+    with in_words(words), telling(found.console) as progress:
         around = Surroundings(progress, executor=executor, resume=resume)
         asked = RunFile(worst_case=how)
         work = Work(run=asked, identification=identification, around=around, box=_box(suggested), omega=at)
         carry_out(work, [proved, found.keep_proved, bounded, circled, found.keep_bounded])
         carry_out(work, over_box if how.over_poles else [])
         steps = found.draw(work, source)
+        if around.stops.interrupted and resume is not None:
+            steps = [Next("the rest, from what is finished", again(screen.called(context)))]
     found.conclude(work, steps)
     if not found.certified:
         screen.warn(found.console, "a certificate does not hold: robustid verify names it")
@@ -153,8 +155,12 @@ class _Bounds:
     def keep_bounded(self, work: Work) -> None:
         """Keep the bounds at the frequencies, and what they say of the controllers."""
         from robustid.app.answers.parts import circle_words
+        from robustid.core import pass_on
 
-        if (error := work.error) is None:
+        if (error := work.error) is None:  # Ctrl-C came before the first frequency
+            pass_on(work.band is None)
+            self._keep_band(work)
+            self.written += written_files.result_files(self.beside("-band"))
             return
         self._verify(work, error)
         _kept(work, error).save(self.output)
@@ -183,16 +189,18 @@ class _Bounds:
 
     def draw(self, work: Work, source: Path) -> Sequence[Next | str]:
         """Write the page; the next steps."""
-        from robustid.report import write_report
+        from robustid.report import render_report
 
         steps = [smallest(source)]
         kept = [file.with_suffix("") for file in self.written if file.suffix == ".npz"]
         again = [source, *(word for one in kept for word in ("--bounds", one))]
-        report, said = screen.page_in_time(self.report, again, steps)
-        if report is not None:
-            told = work.around.told
-            write_report(work.identification, report, static=self.static, progress=told, **self._parts(work))
-            self.written.append(report)
+
+        def draw() -> str:
+            told, parts = work.around.told, self._parts(work)
+            return render_report(work.identification, static=self.static, progress=told, **parts)
+
+        report, said = screen.drawn(self.report, draw, again, steps)
+        self.written += [] if report is None else [report]
         return said or []
 
     def _parts(self, work: Work) -> Parts:

@@ -56,7 +56,7 @@ def control(
     """
     from robustid.app.load_save import save
     from robustid.controllers import design_controller
-    from robustid.report import first_screen, write_report
+    from robustid.report import first_screen, render_report
 
     console = screen.console(stderr=as_json, verbose=verbose)
     written_files.check_static(report, static)
@@ -86,10 +86,12 @@ def control(
         else:
             model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
         steps = _next(found, model) if found.status.name == "PROVED" else None
-        report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
-        if report is not None:
-            title = f"Controller for {source[0].stem}" if len(source) == 1 else None
-            write_report(found, report, title=title, static=static, progress=progress)
+        title = f"Controller for {source[0].stem}" if len(source) == 1 else None
+
+        def draw() -> str:
+            return render_report(found, title=title, static=static, progress=progress)
+
+        report, steps = screen.drawn(report, draw, [written_files.stem(output)], steps)
     written = [*files, model if usable else None, report]
     head, code = first_screen(found), design_exit(found, [one.band for one in plants])
     screen.conclude(console, head, lambda: [found.summary()], written=written, steps=steps)

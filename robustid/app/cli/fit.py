@@ -108,22 +108,26 @@ def fit(
         asked |= both.arguments | _weight(source, frf, relative)
         sweep = _swept(console, frf, asked) if wanted is None else None
         result = _fitted(console, frf, int(wanted or 0), asked) if sweep is None else _best(console, frf, sweep, asked)
-    faults, page = placed_faults(frf), None
+    faults = placed_faults(frf)
     undoing = in_command(again(screen.called(context)), faults, [source], [])
     good = Status.CONSISTENT if verdict(result, sweep).key == "consistent" else Status.UNDECIDED
     steps = _steps(good, sweep, screen.called(context)) or _next(source, frf, model_files[0], screen.called(context))
     commands = [(one.what, one.command) for one in steps]
-    if len(model_files) > 1:  # a fit that is kept has a page later, too
-        report, steps = screen.page_in_time(report, [written_files.stem(output)], steps)
-    if report is not None:
+    kept = len(model_files) > 1  # a fit that is kept has a page later, too
+
+    def draw() -> str:
         with telling(console) as progress:
             shown: Parts = {"data": frf, "order_sweep": sweep, "undoing": undoing, "steps": commands}
-            page = render_report(result, static=static, progress=progress, **shown)
-    if len(model_files) > 1:
-        result.save(output)
-    else:
-        save_model(result.model, output)
-    written_files.write_page(report, page)
+            return render_report(result, static=static, progress=progress, **shown)
+
+    def save() -> None:
+        if kept:
+            result.save(output)
+        else:
+            save_model(result.model, output)
+
+    report, after = screen.drawn(report, draw, [written_files.stem(output)] if kept else [], steps, save)
+    steps = after or []
     head = first_screen(result, data=frf, order_sweep=sweep)
     written = [*model_files, report]
     screen.conclude(

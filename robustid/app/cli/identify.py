@@ -257,24 +257,25 @@ def conclude(
     static: bool = False,
     title: str | None = None,
 ) -> Path | None:
-    """Render everything; only then write, and show what was found; the page, None where Ctrl-C has left it out."""
+    """Write everything, the page last, and show what was found; the page, None where Ctrl-C has left it out."""
     from robustid.app.run.results import marked
-    from robustid.core import Interruptible, was_interrupted
     from robustid.report import first_screen, render_report
 
-    result, undoing, page = work.identification, work.undoing, None
-    with Interruptible():  # Ctrl-C while it is drawn loses the page alone
-        if report is not None and not was_interrupted():
-            with telling(console) as progress:
-                page = render_report(result, title=title, static=static, progress=progress, **work.parts)
-    report, shown = screen.page_in_time(report, [written_files.stem(output)], steps)
+    result, undoing = work.identification, work.undoing
+
+    def draw() -> str:
+        with telling(console) as progress:
+            return render_report(result, title=title, static=static, progress=progress, **work.parts)
+
+    def save() -> None:
+        marked(result, work.around.unfinished, "the identification").save(output)
+        if work.looped is not None:
+            work.looped.save(written_files.beside(output, "-loop"))
+
+    report, shown = screen.drawn(report, draw, [written_files.stem(output)], steps, save)
     if shown is not steps:  # the page first: it says what else is to be done
         steps, undoing = shown, None
     head = first_screen(result, **work.parts)
-    marked(result, work.around.unfinished, "the identification").save(output)
-    if work.looped is not None:
-        work.looped.save(written_files.beside(output, "-loop"))
-    written_files.write_page(report, page)
     written = (*written_files.result_files(output), *kept_loop(work, output), report)
     screen.conclude(console, head, lambda: everything(work), written=written, undoing=undoing, steps=steps)
     return report

@@ -87,9 +87,8 @@ def loop(
                 found[name] = found[name].refuted(ran.identification)
         for name in places:
             written += _keep_tried(places[name], found[name]) if name in found else []
-        report, steps = screen.page_in_time(report, [places[name] for name in list(found)[:1] if name], None)
-        if report is not None:
-            _draw(found, report, static, progress)
+        again = [places[name] for name in list(found)[:1] if name]
+        report, steps = screen.drawn(report, lambda: _drawn(found, static, progress), again, None)
     files = [*written, *([report] if report else [])]
     _conclude(console, found, files, steps)
     worst = max((one.status.name for one in found.values()), key=("STABLE", "UNDECIDED", "UNSTABLE").index)
@@ -211,14 +210,14 @@ def _keep_tried(place: Path, found: LoopBounds) -> list[Path]:
     return written
 
 
-def _draw(found: dict[str, LoopBounds], report: Path, static: bool, progress: Progress) -> None:
-    """Write the page: of the first controller, the others beside it."""
-    from robustid.report import write_report
+def _drawn(found: dict[str, LoopBounds], static: bool, progress: Progress) -> str:
+    """The page: of the first controller, the others beside it."""
+    from robustid.report import render_report
 
     first = next(iter(found))
     title = f"Controller {first}" if first else "The controller that ran"
     others = found if len(found) > 1 else None
-    write_report(found[first], report, title=title, static=static, progress=progress, candidates=others)
+    return render_report(found[first], title=title, static=static, progress=progress, candidates=others)
 
 
 def connect(

@@ -253,14 +253,8 @@ def _run(
 
 
 def _after_ctrl_c(config: Path, folder: Path) -> list[Next | str]:
-    """The rest of a run, and the page of what is there, which nobody has waited for."""
-    rest = Next("the rest, from what is finished", ["run", config, "-o", folder, "--resume"])
-    result = next((name for name in ("family", "identification") if (folder / f"{name}.npz").is_file()), None)
-    if result is None:
-        return [rest]
-    bounds = [folder / name for name in ("band", "worst_case") if (folder / f"{name}.npz").is_file()]
-    kept = [word for one in bounds * (result == "identification") for word in ("--bounds", one)]
-    return [rest, Next("a page of what was found", ["report", folder / result, *kept, "-o", folder / "report.html"])]
+    """The rest of a run that Ctrl-C ended."""
+    return [Next("the rest, from what is finished", ["run", config, "-o", folder, "--resume"])]
 
 
 def _next(folder: Path) -> list[Next | str] | None:

@@ -119,15 +119,34 @@ class Next(NamedTuple):
         return [f"next, {self.what}:", f"  {self.command}"]
 
 
-def page_in_time(
-    report: Path | None, again: Sequence[str | Path], steps: Sequence[Next | str] | None
+def drawn(
+    report: Path | None,
+    draw: Callable[[], str],
+    again: Sequence[str | Path],
+    steps: Sequence[Next | str] | None,
+    save: Callable[[], object] = lambda: None,
 ) -> tuple[Path | None, Sequence[Next | str] | None]:
-    """The page and the next steps; after Ctrl-C nobody waits for a drawing, and the next step is the command that draws it."""
-    from robustid.core import was_interrupted
+    """Save what was found, the page last; the page, and the next steps.
 
-    if report is None or not was_interrupted():
+    Nothing is written before the page is drawn, but after Ctrl-C, as a second one ends the program at once. A Ctrl-C while it is
+    drawn loses the page alone: the next step is the command that draws it from the files, where there are some.
+    """
+    from robustid.app.cli.written_files import write_page
+    from robustid.core import Interruptible, was_interrupted
+
+    page, saved = None, report is None or was_interrupted()
+    if saved:
+        save()
+    with Interruptible() as drawing:
+        page = None if report is None else draw()
+    if not saved:
+        save()
+    write_page(report, page)
+    if not drawing.interrupted:
         return report, steps
-    return None, [Next("the page, which Ctrl-C has left out", ["report", *again, "-o", report])]
+    return None, [
+        Next("the page, which Ctrl-C has left out", ["report", *again, "-o", str(report)])
+    ] if again else steps
 
 
 def next_lines(undoing: Undoing | None, steps: Sequence[Next | str]) -> list[str]:

@@ -187,9 +187,6 @@ class RunFolder:
         usable = design is not None and design.status in (DesignStatus.PROVED, DesignStatus.FOUND)
         if usable and design is not None and design.controller is not None:
             save_model(design.controller, self.folder / _CONTROLLER)
-        if result.unfinished is not None and result.unfinished.interrupted:  # nobody waits for a drawing after Ctrl-C
-            (self.folder / _PAGE).unlink(missing_ok=True)
-            return
         result.report(self.folder / _PAGE, static=self.static, progress=progress)
         if result.unfinished is None:
             self._clear()

@@ -261,8 +261,7 @@ def refined(work: Work) -> None:
         return
     polygons = work.error if work.band.box is None else work.over_poles
     work.band = work.band.with_model(work.model)
-    ended = work.around.stops.interrupted  # by Ctrl-C: polygons take seconds
-    if polygons is not None and polygons.omega.size and not ended:
+    if polygons is not None and polygons.omega.size:
         with work.around.step("narrowing the band between semidefinite programs") as limit:
             work.band = work.band.between(polygons, Budget(limit))
     work.around.folder.proved(work.band)
@@ -286,7 +285,7 @@ def narrowed(work: Work) -> None:
 
     Their frequencies are kept in the run file, which gives the same again.
     """
-    if work.band is None:
+    if work.band is None or work.around.stops.interrupted:
         return
     asked, words = work.run.worst_case, "narrowing the band by semidefinite programs"
     stated = None if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
@@ -332,7 +331,7 @@ def bounded(work: Work) -> None:
 
 def limiting(work: Work) -> None:
     """The error of R where the discs of its band limit what is said of the loop; the frequencies are kept in the run file."""
-    if work.loop is None or work.band is None:
+    if work.loop is None or work.band is None or work.around.stops.interrupted:
         return
     asked, result, words = work.run.worst_case, work.identification, "bounding R where it limits the loop"
     with work.around.step(words, _LIMITING, asked.time_limit) as limit:

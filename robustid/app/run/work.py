@@ -13,7 +13,7 @@ from robustid.app.run.results import WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.controllers import ControllerDesign, Factor, Matrix
-from robustid.core import Real
+from robustid.core import Interruptible, Real
 from robustid.data import FrequencyResponse, TimeRecord, Undoing
 from robustid.guarantees import Band, Contradiction, Coverage, LoopBounds, WorstCaseError, WorstCaseOverPoles
 from robustid.identification import Identification, Loop
@@ -114,10 +114,13 @@ Step = Callable[[Work], None]
 
 
 def carry_out(work: Work, steps: Sequence[Step]) -> None:
-    """Carry out the steps in their order."""
+    """Carry out the steps in their order; one that Ctrl-C has ended gives what costs nothing, as those behind it."""
     with work.around.stops.listening():
         for step in steps:
-            step(work)
+            with Interruptible() as first:
+                step(work)
+            if first.interrupted:
+                step(work)
 
 
 def narrowing_share(whole: float, left: float) -> float:

@@ -17,6 +17,7 @@ from robustid.app.run.work import Work
 from robustid.core import Budget
 from robustid.errors import FileFormatError, InputTypeError
 from robustid.guarantees import placement, pole_sweep, pole_tree
+from robustid.guarantees.candidates import halved
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.linear.directed_search import DirectedSearch
@@ -390,3 +391,13 @@ def test_beside_a_frequency_without_a_polygon_the_estimate_may_be_infinite():
     plain, tried = np.array([1.0, 1e3, 7.0]), np.array([np.finfo(float).max, np.nan, 0.7])
     found = placement._estimated(plain[:, None, None], tried[:, None, None], np.array([0.0, 1e-3, 1.0]))
     np.testing.assert_allclose(found.ravel()[1:], [np.inf, 0.7])
+
+
+def test_frequencies_are_chosen_one_at_a_time_and_then_halfway_between():
+    gain = np.array([1.0, 5.0, 4.0, 0.0, 3.0, 2.0])
+    assert placement._apart(gain, 0).tolist() == []  # a round that has room for no other one
+    assert placement._apart(gain, 1).tolist() == [1]
+    assert placement._apart(gain, 3).tolist() == [1, 4]  # two apart at least
+    omega, tried = halved(np.array([1.0, 2.0, 4.0]), np.array([0.5, np.nan, 0.25])[:, None, None])
+    assert omega.tolist() == [1.0, 1.5, 2.0, 3.0, 4.0]
+    np.testing.assert_equal(tried[:, 0, 0], [0.5, np.nan, np.nan, np.nan, 0.25])

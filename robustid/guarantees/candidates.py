@@ -1,0 +1,60 @@
+"""Frequencies at which polygons of a band are thought of, and the errors that are known there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robustid.core import Real
+from robustid.guarantees.linear.functions import Box
+from robustid.guarantees.sweep import Known
+from robustid.identification import MixedProblem
+
+if TYPE_CHECKING:
+    import control
+
+_GRID = 40  # further candidates, equally spaced
+_THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box
+_NARROW = 0.25  # and of the half-width of the nearest resonance
+_AROUND = 13  # and so many over three times the width of the box of every mode
+
+
+def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | None = None) -> Real:
+    """Frequencies at which polygons are thought of: those of a band, a grid, and some around a box, in the range of the data."""
+    lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
+    low, high = band.range
+    if lines.size:
+        low, high = max(low, float(lines.min())), min(high, float(lines.max()))
+    inside = omega[(omega >= low) & (omega <= high)]
+    every = [inside, np.linspace(low, high, _GRID)]
+    ends: list[list[float]] = [] if box is None else box[0].tolist()
+    for least, most in ends:
+        first, last = (min(max(end, low), high) for end in (2 * least - most, 2 * most - least))
+        every.append(np.linspace(first, last, _AROUND))
+    found = np.unique(np.concatenate(every))
+    if box is None:
+        return found
+    # A resonance can be narrower than that: at least a few candidates over the half-width of the lightest one in a box.
+    nearest = np.argmin(np.abs(found[:, None] - box[0].mean(axis=1)), axis=1)
+    narrow = _NARROW * (box[0][:, 0] * box[1][:, 0])[nearest]
+    apart = np.minimum(_THIN * found, narrow)
+    # Those of the band, at which its error is reported, before the others.
+    away = np.abs(found[:, None] - inside).min(axis=1, initial=np.inf)
+    found, apart = found[(away == 0) | (away > apart)], apart[(away == 0) | (away > apart)]
+    return found[np.diff(found, prepend=-np.inf) > apart]
+
+
+def halved(omega: Real, tried: Real) -> tuple[Real, Real]:
+    """Frequencies and those halfway between them, with what is known of the former."""
+    every = np.empty(2 * omega.size - 1)
+    every[::2], every[1::2] = omega, (omega[1:] + omega[:-1]) / 2
+    known = np.full((every.size, *tried.shape[1:]), np.nan)
+    known[::2] = tried
+    return every, known
+
+
+def known_errors(known: Known, problem: MixedProblem, model: control.StateSpace, omega: Real) -> Real:
+    """Bounds of the errors of a model that known discs give, (F, ny, nu)."""
+    centre, radius = known.at(omega)
+    return np.abs(centre - problem.plane.values_at(model, omega)) + radius
