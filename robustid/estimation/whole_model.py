@@ -46,6 +46,7 @@ class WholeModel(NamedTuple):
     variance: float  # of every number that is left
     noise: float  # that local models find, rms
     dof: float | None  # of the scatter from which the bound of a line was taken; None: known
+    order: int
     criterion: float
 
     @property
@@ -70,6 +71,7 @@ class _Fitted(NamedTuple):
     """Poles, the rows of their functions, the values that these take, and the criterion of that."""
 
     criterion: float
+    order: int  # of the search for the poles
     poles: Complex
     rows: Real
     values: Complex
@@ -94,12 +96,12 @@ def _entry(frf: FrequencyResponse, number: int) -> FrequencyResponse:
     return frf.entry(*divmod(number, frf.values.shape[2]))
 
 
-def _whole(one: FrequencyResponse, refined: bool) -> WholeModel | None:
-    """Model of the order with the smallest Bayesian information criterion."""
+def _whole(one: FrequencyResponse, refined: bool, most: int = _ORDERS[-1]) -> WholeModel | None:
+    """Model of the order with the smallest Bayesian information criterion, at most this one."""
     bound = one.bound.outer_radius.reshape(-1)
     if not np.all(bound > 1e-12 * float(np.abs(one.values).max())):
         return None
-    best, fit = _of_least_criterion(one, refined)
+    best, fit = _of_least_criterion(one, refined, most)
     if best is None:
         return None
     right = _real(one.values.reshape(-1) / bound)
@@ -110,17 +112,18 @@ def _whole(one: FrequencyResponse, refined: bool) -> WholeModel | None:
     power = float(left @ left)
     if spare < right.size / 2 or power <= 1e-24 * float(right @ right):
         return None
-    return WholeModel(best.values, left, basis, power / spare, noise_in_bounds(one), one.bound.dof, best.criterion)
+    noise, dof = noise_in_bounds(one), one.bound.dof
+    return WholeModel(best.values, left, basis, power / spare, noise, dof, best.order, best.criterion)
 
 
-def _of_least_criterion(one: FrequencyResponse, refined: bool) -> tuple[_Fitted | None, PoleFit]:
+def _of_least_criterion(one: FrequencyResponse, refined: bool, most: int) -> tuple[_Fitted | None, PoleFit]:
     bound = one.bound.outer_radius.reshape(-1)
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
     right = _real(one.values.reshape(-1) / bound)
     best: _Fitted | None = None
     for order in _ORDERS:
-        if order * _A_POLE > bound.size:
+        if order * _A_POLE > bound.size or order > most:
             break
         poles = fit.search(order, np.zeros(1), decades=False)[1][0]
         if refined:
@@ -133,7 +136,7 @@ def _of_least_criterion(one: FrequencyResponse, refined: bool) -> tuple[_Fitted 
         power = max(float(np.sum((right - rows @ solved) ** 2)), 1e-300)
         criterion = count * float(np.log(power)) + 2 * rows.shape[1] * float(np.log(count))
         if best is None or criterion < best.criterion:
-            best = _Fitted(criterion, poles, rows, _complex(rows @ solved))
+            best = _Fitted(criterion, order, poles, rows, _complex(rows @ solved))
     return best, fit
 
 
@@ -274,19 +277,18 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
     evidence = np.sum([np.where(one > limit, one, 0) for one in each.values()], axis=0)
 
     @functools.cache
-    def plain(k: int) -> float:
-        found = _whole(_entry(frf, k), True)
-        return -np.inf if found is None else found.criterion
+    def plain(k: int) -> WholeModel | None:
+        return _whole(_entry(frf, k), True)
 
     for peak in _peaks(evidence):
         for upper in _beside(peak, lines):
             factors, size, nearly = np.ones(entries, complex), 0.0, False
             for k, one in models.items():
-                if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
+                if each[k][upper] <= limit or not one.as_good(float(each[k][upper])) or (whole := plain(k)) is None:
                     continue
                 gain, delay = ((float(chi[upper]), float(step[upper])) for chi, step in seen[k])
                 delayed = delay > gain
-                change, gained = _needed(_entry(frf, k), upper, plain(k), (delay if delayed else gain)[1], delayed)
+                change, gained = _needed(_entry(frf, k), upper, whole, (delay if delayed else gain)[1], delayed)
                 nearly |= gained > np.log(2 * lines)
                 own, values = complex(change[upper]), np.abs(one.values)
                 largest = min(values[:upper].max(), values[upper:].max())  # of either part
@@ -318,21 +320,21 @@ def _price(lines: int) -> float:
     return float(np.log(2 * lines) + 2 * np.log(2 * lines / _OF_JUMP))
 
 
-def _needed(one: FrequencyResponse, upper: int, plain: float, size: float, delayed: bool) -> tuple[Complex, float]:
-    """The change from a line on, and by how much models of all orders are better without it; its size is that of such a model.
+def _needed(one: FrequencyResponse, upper: int, plain: WholeModel, size: float, delayed: bool) -> tuple[Complex, float]:
+    """The change from a line on, and by how much models are better without it; its size is that of such a model.
 
-    The first size is of a model that follows a part of the change with poles of its own.
+    The first size is of a model that follows a part of the change with poles of its own. Without it no more poles are needed.
     """
     slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
     for _ in range(_SIZES):
         change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
         by = np.where(np.arange(slope.size) >= upper, change, 1)
-        simpler = _whole(dataclasses.replace(one, values=one.values / by[:, None, None]), True)
+        simpler = _whole(dataclasses.replace(one, values=one.values / by[:, None, None]), True, plain.order)
         if simpler is None:
             break
-        if plain - simpler.criterion > most:
-            best, most = change, plain - simpler.criterion
+        if plain.criterion - simpler.criterion > most:
+            best, most = change, plain.criterion - simpler.criterion
         if most > _price(slope.size):
             break
         more = float(_steps(simpler, slope if delayed else np.ones(slope.size))[1][upper])

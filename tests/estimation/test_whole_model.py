@@ -61,7 +61,7 @@ def test_bounds_that_are_small_by_chance_make_no_line_odd():
         deviation = np.sqrt(rng.gamma(dof, 1 / dof, lines))
         left = rng.standard_normal(2 * lines) / np.sqrt(2) / np.tile(radius * deviation, 2)
         noise = float(np.linalg.norm(left) / np.sqrt(lines))
-        model = WholeModel(np.ones(lines, complex), left, basis, left @ left / (2 * lines - 1), noise, dof, 0.0)
+        model = WholeModel(np.ones(lines, complex), left, basis, left @ left / (2 * lines - 1), noise, dof, 4, 0.0)
         told_of += bool(odd_lines({0: model}))
     assert told_of <= 2  # 0.3 in the mean
 
