@@ -28,6 +28,7 @@ _log = logging.getLogger("robustid")
 _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, then those between
 _NARROWLY = 1.1  # times the limit: a miss after which the next order of a matrix is likely to suffice
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
+_AFTER = 3.0  # seconds of truncations after the time is over, where nothing was found within it
 
 
 class SearchStatus(enum.Enum):
@@ -215,7 +216,9 @@ class _Search:
             within = [order for order in models.found if models.within(order)]
             if within:
                 return min(within)
-        return _between(max(models.found, default=models.chains), self.identification.order, models.truncate)
+        after = Budget(_AFTER)
+        low = max(models.found, default=models.chains)
+        return _between(low, self.identification.order, lambda order: not after.over and models.truncate(order))
 
     def _smallest(self) -> int:
         """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap."""

@@ -291,6 +291,14 @@ def test_without_time_a_truncated_model_is_inside(searched):
     assert found.margin <= max(1.0, result.margin * (1 + 1e-5))
 
 
+def test_truncations_after_the_time_end_soon(searched, monkeypatch):
+    _, result, _ = searched
+    monkeypatch.setattr("robustid.reduction.within_bounds._AFTER", 1e-9)  # as where one of them takes seconds
+    found = rid.reduce_within_bounds(result, time_limit=1e-9)
+    assert (found.order, found.model.nstates) == (result.order, result.order)
+    assert found.stopped.startswith("stopped at the time limit")
+
+
 def test_an_interrupted_search_keeps_what_it_found(searched):
     problem, result, whole = searched
     told = []
