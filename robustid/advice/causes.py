@@ -32,7 +32,9 @@ _SPARE = 1.1  # of bounds that are widened
 _OF_UNITS = 300.0
 _IN_PER_CENT = 0.1  # damping ratios from here on may be in per cent
 _AS_UNITS = ", as where values are in a unit 1000 times smaller than their bound"
-_AS_SAMPLED = "; so it is, too, where a sampled response is taken for one of continuous time: then state its sample time"
+_AS_SAMPLED = (
+    "; so it is, too, where a sampled response is taken for one of continuous time: then state its sample time"
+)
 # Kind of the data, number of the experiment, rad/s or s, and dual weight of an active constraint.
 Active = tuple[str, int, float, float]
 SLIGHTLY = 1.5  # margin up to which bounds are the first suspicion
