@@ -148,7 +148,7 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):  # a pipe that can't take every letter gets a question mark
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     try:
-        app()
+        app(prog_name="robustid")
     except SystemExit as stop:
         if stop.code == INTERRUPTED:  # typer's way to say Ctrl-C
             end(BEFORE_RESULTS, INTERRUPTED, "stopped")
