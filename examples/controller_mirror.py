@@ -1,13 +1,13 @@
 """Measured data: three integral controllers for a steering mirror, three inputs and three outputs, proved for every plant.
 
 Voltages of three piezos to three displacements: every input moves every output, and the first mode stands at 636 Hz with a
-damping of 1 %. The inverse of the static gain makes three axes of them; each gets a PI controller behind a low-pass, and together
-they are proved with every plant that agrees with the bounds and the class, its poles anywhere in their box. Records that nothing
-was designed from judge the loop.
+damping of 1 %. The inverse of the static gain makes three axes of them; each gets a PI controller behind a low-pass, or with two
+notches, and together they are proved with every plant that agrees with the bounds and the class, its poles anywhere in their box.
+Records that nothing was designed from judge the loop.
 
 Data: github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded once, or from the folder that
 ROBUSTID_DATA names.
-Run: python controller_mirror.py --out folder (three minutes)
+Run: python controller_mirror.py --out folder (three minutes; --notches: five)
 """
 
 import argparse
@@ -19,11 +19,12 @@ from shared.worst_loops import TWO_PI, axes_over, largest
 from steering_mirror import PERIOD, mirror_records
 
 import robustid as rid
-from robustid.design import PID, Limits, LowPass, Matrix
+from robustid.design import PID, Limits, LowPass, Matrix, Notch
 from robustid.errors import DatasetNotFoundError
 
 PEAK = 2.0
 CORNER_HZ = 100  # of the low-pass of every axis
+NOTCHES_HZ, DAMPING = (636, 1050), 0.5  # poles of the notches in its place
 GAIN_BOUND, DECAY_RATE = 2e-5, 1.1  # metres per volt: what the modes leave
 ROOM = 1.3  # of the bounds: at the estimated poles single entries need 1.25
 WIDE = 10  # from the least to the largest damping: such a mode is left to the class, for its box would leave its range open
@@ -48,9 +49,10 @@ def banded():
     return rid.band(problem, box=box, knots=400, model=model)
 
 
-def structure_of(band):
-    """A PI controller behind a low-pass on each of the axes that the inverse of the static gain makes."""
-    axis = [PID(), LowPass(TWO_PI * CORNER_HZ, 2)]
+def structure_of(band, notches):
+    """A PI controller behind a low-pass, or with notches, on each of the axes that the inverse of the static gain makes."""
+    smooth = [Notch(TWO_PI * hz, DAMPING) for hz in NOTCHES_HZ] if notches else [LowPass(TWO_PI * CORNER_HZ, 2)]
+    axis = [PID(), *smooth]
     rows = [[axis if i == j else None for j in range(3)] for i in range(3)]
     return Matrix(rows, actuators=np.linalg.inv(np.real(band.model(1.0))))
 
@@ -79,7 +81,9 @@ def figure_of(design, hz, measured):
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=None, help="folder for the picture; default: a temporary one")
-    out = parser.parse_args(argv).out or Path(tempfile.mkdtemp())
+    parser.add_argument("--notches", action="store_true", help="notches in place of the low-pass: a larger bandwidth")
+    arguments = parser.parse_args(argv)
+    out = arguments.out or Path(tempfile.mkdtemp())
     out.mkdir(parents=True, exist_ok=True)
     try:
         band = banded()
@@ -87,7 +91,8 @@ def main(argv=None):
         print(error)
         return None
     print("1. The band:", band)
-    design = rid.design_controller(band, structure_of(band), limits=Limits(sensitivity_peak=PEAK))
+    structure = structure_of(band, arguments.notches)
+    design = rid.design_controller(band, structure, limits=Limits(sensitivity_peak=PEAK))
     print("\n2. The controller:")
     print(design.summary())
     if design.controller is None:
