@@ -56,6 +56,7 @@ def control(
     """
     from robustid.app.load_save import save
     from robustid.controllers import design_controller
+    from robustid.core import Interruptible
     from robustid.report import first_screen, render_report
 
     console = screen.console(stderr=as_json, verbose=verbose)
@@ -76,15 +77,22 @@ def control(
             plants.append(MeasuredPlant.of(one, progress))
         how: Options = {"limits": limits, "maximise": asked.goal, "time_limit": time_limit, "progress": progress}
         found = design_controller([one.plants for one in plants], structure, **how)
-        found.save(output)
         usable = found.status.name in (
             "PROVED",
             "FOUND",
         )  # the closest one of a design that found none is in its file alone
-        if usable:
-            save(model, found.controller)
-        else:
-            model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
+
+        def keep() -> None:
+            found.save(output)
+            if usable:
+                save(model, found.controller)
+            else:
+                model.unlink(missing_ok=True)  # that of an earlier design, which --force replaces
+
+        with Interruptible() as saving:
+            keep()
+        if saving.interrupted:  # once more; a second Ctrl-C ends the program at once
+            keep()
         steps = _next(found, model) if found.status.name == "PROVED" else None
         title = f"Controller for {source[0].stem}" if len(source) == 1 else None
 
