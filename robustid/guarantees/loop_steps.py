@@ -360,7 +360,7 @@ class _Steps:
             outputs, others = slice(0, R), slice(R, None)
             return (part(outputs, slice(Q + ny, None)), part(others, slice(0, Q)), part(others, slice(Q, Q + ny)))
 
-        def judge(pieces: Pieces) -> tuple[NDArray[np.bool_], Complex]:
+        def judge(pieces: Pieces) -> tuple[NDArray[np.bool_], Real]:
             nonlocal mean, count
             _, middle = self._discs(pieces, parts(pieces, 0.0 * pieces.radius))
             centre, arc = self._discs(pieces, parts(pieces, pieces.radius + lost))
@@ -368,10 +368,10 @@ class _Steps:
             count += len(middle)
             more = (arc > middle + _TOLERANCE * np.maximum(middle, mean)) & np.isfinite(middle)
             halved = np.any(more, axis=(1, 2)) & np.any(pieces.radius > lost, axis=(1, 2)) & (count < _FEW)
-            return halved, np.stack([centre, arc], axis=1)
+            return halved, np.stack([centre.real, centre.imag, arc], axis=1)
 
         pieces, found = enclose_judged(model, angles, judge)
-        return pieces, parts(pieces, pieces.radius + lost), (found[:, 0], found[:, 1].real)
+        return pieces, parts(pieces, pieces.radius + lost), (found[:, 0] + 1j * found[:, 1], found[:, 2])
 
     def _discs(self, pieces: Pieces, parts: tuple[Part, Part, Part]) -> tuple[Complex, Real]:
         """Centres and radii of discs that hold the entries of all differences, (N, rows, columns)."""

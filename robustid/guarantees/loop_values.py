@@ -180,17 +180,16 @@ def image_over(left: Part, right: Part, inner: Part, errors: ErrorSets) -> Balls
 
 def entries_over(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     """Bounds of every entry of ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``, (N, rows, columns)."""
-    through = norms(inner[0]) + norms(inner[1])
     scaling = _scaling(left, right, inner, bound)
-    scaled = scaling.loop(inner[0]), scaling.loop(inner[1])
     found = [_entries(left, right, inner, bound)]
-    for outer, last, within, size in (
-        (left, right, through, bound),
-        (*_in_scales(scaling, left, right), norms(scaled[0]) + norms(scaled[1]), scaling.uncertainty(bound)),
+    for (outer, last), through, size in (
+        ((left, right), _size(inner), bound),
+        (_in_scales(scaling, left, right), _size(_closing(scaling, inner)), scaling.uncertainty(bound)),
     ):
-        rows, columns = (sum(np.linalg.norm(one, axis=axis) for one in part) for part, axis in ((outer, 2), (last, 1)))
-        sizes = rows[:, :, None], columns[:, None, :]
-        found.append(_closed(*sizes, within[:, None, None], norm_of_bounds(size)[:, None, None]))
+        rows: Real = np.linalg.norm(outer[0], axis=2) + np.linalg.norm(outer[1], axis=2)
+        columns: Real = np.linalg.norm(last[0], axis=1) + np.linalg.norm(last[1], axis=1)
+        limit = through[:, None, None], norm_of_bounds(size)[:, None, None]
+        found.append(_closed(rows[:, :, None], columns[:, None, :], *limit))
     return np.fmin.reduce(found)
 
 
@@ -233,15 +232,25 @@ def _entries(left: Part, right: Part, inner: Part, bound: Real) -> Real:
 
 
 def _by_norms(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    outer, last, through = (norms(values) + norms(reach) for values, reach in (left, right, inner))
-    return _closed(outer, last, through, norm_of_bounds(bound))
+    return _closed(_size(left), _size(right), _size(inner), norm_of_bounds(bound))
 
 
 def _scaled(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     """The same with signals scaled by ``Delta = diag(alpha) Delta_s diag(beta)``."""
     scaling = _scaling(left, right, inner, bound)
-    scaled = scaling.loop(inner[0]), scaling.loop(inner[1])
-    return _by_norms(*_in_scales(scaling, left, right), scaled, scaling.uncertainty(bound))
+    outer, last = _in_scales(scaling, left, right)
+    through, size = _size(_closing(scaling, inner)), norm_of_bounds(scaling.uncertainty(bound))
+    return _closed(_size(outer), _size(last), through, size)
+
+
+def _size(part: tuple[Complex | Real, Complex | Real]) -> Real:
+    """Bound of the largest singular value of values within their radii, (N,)."""
+    return norms(part[0]) + norms(part[1])
+
+
+def _closing(scaling: Scaling, inner: Part) -> tuple[Complex | Real, Complex | Real]:
+    """What is around a scaled Delta."""
+    return scaling.loop(inner[0]), scaling.loop(inner[1])
 
 
 def _scaling(left: Part, right: Part, inner: Part, bound: Real) -> Scaling:
