@@ -15,8 +15,8 @@ from robustid.advice.pole_fit import (
     LineData,
     StepClock,
     best_start,
+    checked_lines,
     find_poles,
-    line_data,
     ratios,
     refine_beside,
     residual_rows,
@@ -35,9 +35,9 @@ from robustid.advice.pole_interval import (
 )
 from robustid.advice.real_poles import RealPoles, explain_more, over_decades, slow_poles
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, Real, as_count, as_positive, freeze, hz_scale, hz_words, one_thread, plane_of
+from robustid.core import Frozen, Real, as_count, freeze, hz_scale, hz_words, one_thread
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError
 from robustid.guarantees import told_apart_of
 
 _log = logging.getLogger("robustid")
@@ -193,7 +193,7 @@ def suggest_kautz(
     >>> np.round(found.omega / (2 * np.pi), 1), np.round(found.damping, 3)
     (array([ 9. , 17.7]), array([0.1  , 0.004]))
     """
-    fit = _checked(frf, dt)
+    fit = checked_lines(frf, dt)
     repeat = as_count("repeat", repeat, least=1)
     wanted = None if modes is None else as_count("modes", modes, least=1)
     fixed_delay = None if delay is None else as_count("delay", delay)
@@ -216,29 +216,14 @@ def suggest_kautz(
     boxes = [
         bounded_by_shown(box, poles[i], shown, fit.angle) for i, box in _intervals(fit, poles, kept.tolist(), clock)
     ]
-    if wanted is None:
-        seen = [k for k, box in enumerate(boxes) if box.ends[1, 1] < DAMPING[1] * (1 - 1e-6)]
-        if len(seen) < len(kept):
-            reason += (
-                f"; {len(kept) - len(seen)} of them as well with any damping: left out, the gain bound covers them"
-            )
-        kept, boxes = kept[seen], [boxes[k] for k in seen]
-    step = fit.plane.dt
-    edges = mode_intervals(np.array([box.ends for box in boxes]).reshape(-1, 2, 2), fit.plane)
-    if wanted is None:
-        apart = told_apart_of(edges[:, 0], edges[:, 1])
-        if apart.size < len(kept):
-            reason += (
-                f"; {len(kept) - apart.size} of them so close to another, for what the points say of either, that nothing"
-                " bounds their amplitudes: left out, the gain bound covers them"
-            )
-        boxes = [box for k, box in enumerate(boxes) if k in apart]
-        kept, edges = kept[apart], edges[apart]
-        if len(poles) and not len(kept):  # none stands in a class
-            if decades is not None and decades.largest <= 1:
-                return _of_decades(fit, decades, lowest, repeat)
-            if (slow := slow_poles(frf, fixed_delay)) is not None:
-                return _of_process(fit, slow, repeat)
+    kept, boxes, words = _bounded(kept, boxes, fit) if wanted is None else (kept, boxes, "")
+    reason += words
+    step, edges = fit.plane.dt, _edges(boxes, fit)
+    if wanted is None and len(poles) and not len(kept):  # none stands in a class
+        if decades is not None and decades.largest <= 1:
+            return _of_decades(fit, decades, lowest, repeat)
+        if (slow := slow_poles(frf, fixed_delay)) is not None:
+            return _of_process(fit, slow, repeat)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     below = omega < lowest / _BEYOND  # one pair may be a suspension; several, or nothing else, are a slope
     if decades is not None and below.any() and (below.all() or below.sum() > 1):
@@ -271,6 +256,30 @@ def suggest_kautz(
         delay=chosen,
         reason=reason,
     )
+
+
+def _bounded(
+    kept: NDArray[np.int_], boxes: Sequence[PoleBox], fit: LineData
+) -> tuple[NDArray[np.int_], Sequence[PoleBox], str]:
+    """Modes whose places the points bound, with their intervals, and words on the others."""
+    words = ""
+    seen = [k for k, box in enumerate(boxes) if box.ends[1, 1] < DAMPING[1] * (1 - 1e-6)]
+    if len(seen) < len(kept):
+        words += f"; {len(kept) - len(seen)} of them as well with any damping: left out, the gain bound covers them"
+    kept, boxes = kept[seen], [boxes[k] for k in seen]
+    edges = _edges(boxes, fit)
+    apart = told_apart_of(edges[:, 0], edges[:, 1])
+    if apart.size < len(kept):
+        words += (
+            f"; {len(kept) - apart.size} of them so close to another, for what the points say of either, that nothing"
+            " bounds their amplitudes: left out, the gain bound covers them"
+        )
+    return kept[apart], [box for k, box in enumerate(boxes) if k in apart], words
+
+
+def _edges(boxes: Sequence[PoleBox], fit: LineData) -> Real:
+    """Intervals of modes, (M, 2, 2)."""
+    return mode_intervals(np.array([box.ends for box in boxes]).reshape(-1, 2, 2), fit.plane)
 
 
 def _intervals(fit: LineData, poles: Real, kept: Sequence[int], clock: StepClock) -> Iterator[tuple[int, PoleBox]]:
@@ -370,7 +379,7 @@ def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion
 
 def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[float, float]:
     """Natural frequency and damping of the mode, in the measured range, that a fit with these and a smooth remainder lacks most."""
-    data = _checked(frf, None)
+    data = checked_lines(frf, None)
     poles = np.log(np.stack(data.plane.turned(omega, damping), axis=1))
     start = best_start(poles, data)
     positive = data.angle[data.angle > 0]
@@ -378,25 +387,3 @@ def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[fl
     ((turn, zeta),) = np.exp(refine_beside(poles, start[None], data, low, high))
     one, zeta = data.plane.modes(np.array([turn]), np.array([zeta]))
     return float(one[0]), float(zeta[0])
-
-
-def _checked(frf: object, dt: float | None) -> LineData:
-    if not isinstance(frf, FrequencyResponse):
-        raise InputTypeError(
-            f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
-        )
-    given = frf.dt if dt is None else dt
-    frf = frf.select(~frf.missing.all(axis=(1, 2)))
-    plane = plane_of(None if given is None else as_positive("dt", given), frf.omega)
-    if frf.omega.max() > plane.top * (1 + 1e-12):
-        raise InputError(
-            f"`dt` = {plane.dt:g} s allows frequencies up to {plane.top:g} rad/s; got {frf.omega.max():g} rad/s"
-        )
-    if not np.any(np.abs(frf.values[~frf.missing]) > 0):
-        raise InputError("`frf` is zero at all frequency points; check the output")
-    data = line_data([frf], plane)
-    if data.room < 1:
-        raise InputError(
-            f"`frf` has {frf.omega.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
-        )
-    return data

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Plane, Projection, Real, as_positive, projected
+from robustid.core import Complex, Plane, Projection, Real, as_positive, plane_of, projected
 from robustid.data import FrequencyResponse
-from robustid.errors import Remedy, SizeError
+from robustid.errors import InputError, InputTypeError, Remedy, SizeError
 
 _log = logging.getLogger("robustid")
 
@@ -90,6 +90,29 @@ def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
     if size.shape[1] == 1:
         return LineData(angle[order], value[:, 0], bound[:, 0], plane)
     return LineData(angle[order], value[:, seen], bound[:, seen], plane)
+
+
+def checked_lines(frf: object, dt: float | None) -> LineData:
+    """Frequency points of a response in a plane, refused where they are too few or zero to tell a mode."""
+    if not isinstance(frf, FrequencyResponse):
+        raise InputTypeError(
+            f"`frf` must be a FrequencyResponse; got {type(frf).__name__}. From a periodic record: estimate_frf"
+        )
+    given = frf.dt if dt is None else dt
+    frf = frf.select(~frf.missing.all(axis=(1, 2)))
+    plane = plane_of(None if given is None else as_positive("dt", given), frf.omega)
+    if frf.omega.max() > plane.top * (1 + 1e-12):
+        raise InputError(
+            f"`dt` = {plane.dt:g} s allows frequencies up to {plane.top:g} rad/s; got {frf.omega.max():g} rad/s"
+        )
+    if not np.any(np.abs(frf.values[~frf.missing]) > 0):
+        raise InputError("`frf` is zero at all frequency points; check the output")
+    data = line_data([frf], plane)
+    if data.room < 1:
+        raise InputError(
+            f"`frf` has {frf.omega.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
+        )
+    return data
 
 
 class StepClock:

@@ -36,6 +36,7 @@ _PART = 0.25  # of the corner of a loop that is wanted, up to which it has a sec
 _BACK = (0.7,)  # of a level that was reached, from which the search begins once more
 _AHEAD = (1.25, 1.05)  # of a level that was reached, up to which a controller for the models alone leads
 _SEARCH = (1.5, 1.2, 1.07)  # factors that searched numbers are moved by
+_NEAR = "near"  # name of the start that is a known controller
 
 
 @dataclasses.dataclass(frozen=True)
@@ -223,6 +224,7 @@ class At:
         stacked = np.concatenate([flat.real, flat.imag])
         self.back = np.linalg.inv(np.linalg.qr(stacked, mode="r")) * math.sqrt(2 * omega.size)
         self.axes = self._in_basis(axes)
+        self.lost: dict[str, float] = {}  # levels from which on nothing is found from a start that is always the same
 
     def _axes(self, omega: Real) -> Complex:
         """Values of the functions between axes, (F, m, ...), of transposed plants transposed too."""
@@ -277,18 +279,23 @@ class At:
         """The same search for the models alone."""
         alone = copy.copy(self)
         alone.task = dataclasses.replace(self.task, smaller=_nowhere, heard=unheard)
-        alone.discs = alone.task.discs(alone.task.grids)
+        alone.discs, alone.lost = alone.task.discs(alone.task.grids), {}
         return alone
 
     def _climbed(self, found: Found, high: float, step: float) -> Found:
         """A controller of a higher level, in ever smaller steps."""
-        centre = found
+        centre, asked = found, None
         while step > _FINE:
             other = self.found(found.level * step, centre) if found.level * step <= high else None
             if other is not None:
                 found = centre = other
-            elif centre is found and (inner := self.found(found.level, found, centred=True)) is not None:
-                centre = inner  # directions from the middle of what is possible lead further
+                continue
+            inner = None
+            if centre is found is not asked:  # directions from the middle of what is possible lead further
+                asked = found
+                inner = self.found(found.level, found, centred=True)
+            if inner is not None:
+                centre = inner
             else:
                 step = math.sqrt(step)
         return found
@@ -302,31 +309,35 @@ class At:
             controller = self.basis.controller(self.back @ factors)
             return all(one.is_stable_with(controller) for one in self.task.plants)
 
-        for values in self._starts(discs, limits, near):
+        for name, values in self._starts(discs, limits, near):
+            if level >= self.lost.get(name, math.inf):
+                continue
             factors = found_for(question, values, accepted, centred=centred, go_on=self.task.go_on)
             if factors is not None:
                 found = Found(self.at, level, self.basis.controller(self.back @ factors))
                 self.task.heard(found)
                 return found
+            if name != _NEAR:
+                self.lost[name] = level
         return None
 
-    def _starts(self, discs: Discs, limits: Limits, near: Found | None) -> Iterator[Complex]:
+    def _starts(self, discs: Discs, limits: Limits, near: Found | None) -> Iterator[tuple[str, Complex]]:
         """Values of controllers to begin with: one that is known, those that run, an integrator as loop, none."""
         if near is not None:
-            yield self.task.values(StateMatrices.of(near.controller), discs.omega)
+            yield _NEAR, self.task.values(StateMatrices.of(near.controller), discs.omega)
         running = self._running(discs)
         if running.any():
-            yield running
+            yield "running", running
         corner = self._corner(discs, limits)
         wanted = (corner / (1j * discs.omega))[:, None, None]
-        yield wanted * np.linalg.pinv(discs.plant)
+        yield "wanted", wanted * np.linalg.pinv(discs.plant)
         if self.basis.integral.any() and discs.shape == (1, 1):  # with its integrator up to a part of the corner
-            yield wanted * (1 + _PART * corner / (1j * discs.omega))[:, None, None] / discs.plant
+            yield "integral", wanted * (1 + _PART * corner / (1j * discs.omega))[:, None, None] / discs.plant
         if discs.shape != (1, 1):  # the same of every loop by itself
             alone = np.where(self.held, (self.out_of @ discs.plant @ self.into).swapaxes(1, 2), 1.0)
-            yield (self.into @ np.where(self.held, wanted / alone, 0.0) @ self.out_of).astype(complex)
+            yield "alone", (self.into @ np.where(self.held, wanted / alone, 0.0) @ self.out_of).astype(complex)
         if near is None and not running.any():
-            yield running
+            yield "none", running
 
     def _corner(self, discs: Discs, limits: Limits) -> float:
         """Bandwidth of the loop that is wanted: where limits say one, else by the integral gain, else in the middle."""

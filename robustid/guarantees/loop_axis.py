@@ -15,7 +15,7 @@ from robustid.core import Budget, Real, StateMatrices, points_of, response_at, r
 from robustid.errors import InputError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import Image
-from robustid.guarantees.cells import Pieces, enclose
+from robustid.guarantees.cells import Pieces, enclose_judged
 from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues, delay_of, worst_of
 from robustid.reduction import balanced_truncation
@@ -94,7 +94,7 @@ class BandAxis:
         angles = angles[: max(2, int(np.searchsorted(self._edges, top)) + 1)]
         reached, count = floors, 0
 
-        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+        def judge(pieces: Pieces) -> tuple[NDArray[np.bool_], Real]:
             nonlocal reached, count
             ends = omega(angles[pieces.cell]), omega(angles[pieces.cell + 1])
             middle, arc = sizes(pieces, 0.0 * pieces.radius, *ends), sizes(pieces, pieces.radius + lost, *ends)
@@ -103,7 +103,8 @@ class BandAxis:
             count += len(arc)
             limits = np.any(arc > reached * (1 + _TOLERANCE), axis=1) & np.all(np.isfinite(middle), axis=1)
             wide = np.any(pieces.radius > lost, axis=(1, 2))  # narrower ones say no more
-            return limits & wide & (count < _FEW) & (budget is None or not budget.over)
+            halved = limits & wide & (count < _FEW) & (budget is None or not budget.over)
+            return halved, np.stack([arc, middle], axis=1)
 
         def omega(places: Real) -> Real:
             if image is None:
@@ -112,10 +113,8 @@ class BandAxis:
             found[places < np.pi] = image.plane.omega(places[places < np.pi])
             return found
 
-        pieces = enclose(model, angles, coarse)
-        ends = omega(angles[pieces.cell]), omega(angles[pieces.cell + 1])
-        found, middle = (sizes(pieces, reach, *ends) for reach in (pieces.radius + lost, 0.0 * pieces.radius))
-        return found.max(axis=0), omega(pieces.middle[np.argmax(middle, axis=0)])
+        pieces, found = enclose_judged(model, angles, judge)
+        return found[:, 0].max(axis=0), omega(pieces.middle[np.argmax(found[:, 1], axis=0)])
 
     def arcs_of(self, system: StateMatrices) -> tuple[control.StateSpace, Real, Real, Image | None]:
         """A stable system on the circle: a smaller model, by how much its entries differ, where cells end, and the map to there.

@@ -356,8 +356,7 @@ def _without_controller(band: Band, controller: object) -> Loop:
     import control
 
     if controller is None:
-        words = "`controller` is missing: of a plant in open loop give the one that is to be tried"
-        raise InputError(words)
+        raise InputError("`controller` is missing: of a plant in open loop give the one that is to be tried")
     entries = band.problem.entries
     nothing = np.zeros((entries.inputs, entries.outputs))
     return Loop(control.StateSpace([], [], [], nothing, band.problem.dt or 0.0))

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +36,14 @@ from robustid.core import (
     simulate,
 )
 from robustid.errors import InputError
-from robustid.guarantees.cells import Pieces, enclose
+from robustid.guarantees.cells import Pieces, enclose_judged
 from robustid.guarantees.loop_axis import BandAxis
 from robustid.guarantees.loop_bounds import LoopBounds
-from robustid.guarantees.loop_values import Part, image_over
+from robustid.guarantees.loop_values import Part, entries_over, image_over
 from robustid.guarantees.tubes import response_tube
 from robustid.identification import Identification
+
+Asked = tuple[str, int, int]  # what steps, the output, and the set point or the input
 
 STEPS = ("set point", "load")
 _TOLERANCE = 0.02  # of the width: what arcs may take of it
@@ -47,7 +51,6 @@ _FEW = 50_000  # pieces of arc, beyond which the width is left as it is
 _SETTLED, _LEAST, _MOST = 5.0, 40, 2000  # time constants of the slowest pole, and samples
 _ZERO = 1e-9  # of a gain: what is 0 but for rounding
 _ROUNDING = 1e-12
-_AT_ONCE = 2_000_000  # terms of all samples at once
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -154,31 +157,45 @@ def step_tube(
     >>> bool(np.all((tube.lower <= y) & (y <= tube.upper))), bool(np.ptp(tube.upper - tube.lower) < 1e-9)
     (True, True)
     """
-    as_kind("bounds", bounds, LoopBounds, "LoopBounds, such as one of the proofs of a design")
     if of not in STEPS:
         raise InputError(f"`of` must be one of {STEPS}; got {of!r}")
-    if not bounds.loop.dt:
-        raise InputError(
-            "`bounds` must be of a sampled loop; got continuous time: sample the plant as its controller runs"
-        )
-    if not bounds.guaranteed or bounds.unbounded:
-        raise InputError(f"`bounds` must be proved at every frequency; got: {bounds.unbounded or bounds.status.value}")
-    steps, dt = _steps_of(bounds, of, entry), bounds.loop.dt
-    count = settled(poles_of(steps.around.A), dt) if horizon is None else as_count("horizon", horizon, least=1)
-    nominal, (centre, width) = steps.nominal(count), steps.difference(count)
-    samples, low, high = np.arange(count), centre - width, centre + width
-    if identification is not None:
-        samples, inner, outer = steps.narrowed(_as_one_entry(identification), count)
-        low, high = np.maximum(low[samples], inner), np.minimum(high[samples], outer)
-    return StepTube(
-        bounds=bounds,
-        of=of,
-        entry=entry,
-        times=dt * samples.astype(float),
-        nominal=nominal[samples],
-        lower=nominal[samples] + low,
-        upper=nominal[samples] + high,
-    )
+    steps, dt = _steps_of(bounds, [(of, entry)]), bounds.loop.dt
+    count = steps.settled if horizon is None else as_count("horizon", horizon, least=1)
+    tube = steps.tube(bounds, (of, *entry), count)
+    if identification is None:
+        return tube
+    samples, inner, outer = steps.narrowed(_as_one_entry(identification), count)
+    nominal = tube.nominal[samples]
+    low, high = np.maximum(tube.lower[samples], nominal + inner), np.minimum(tube.upper[samples], nominal + outer)
+    return dataclasses.replace(tube, times=dt * samples.astype(float), nominal=nominal, lower=low, upper=high)
+
+
+@one_thread()
+def step_tubes(bounds: LoopBounds) -> dict[Asked, StepTube]:
+    """Ranges of the steps of every output after one of each set point and at each input, by what steps, output and input.
+
+    All stand on the same pieces of arc.
+    """
+    nu, ny = as_kind("bounds", bounds, LoopBounds, "LoopBounds").loop.shape
+    every = [(of, place) for of, count in zip(STEPS, (ny, nu), strict=True) for place in np.ndindex(ny, count)]
+    steps = _steps_of(bounds, every)
+    return {asked: steps.tube(bounds, asked, steps.settled) for asked in steps.asked}
+
+
+def _integrals(values: Complex, pieces: Pieces, count: int) -> Real:
+    r"""Real parts of the integrals of values (N,), each on its arc, times exp(j k theta) for k = 1, ..., count.
+
+    That is :math:`c\, e^{jk\theta} 2 \sin(k h)/k` about the middle of an arc of half length h. With k = b + m all of them are two
+    products of matrices: the exponential of a sum is a product, and its sine is ``sin b cos m + cos b sin m``.
+    """
+    size = math.isqrt(count - 1) + 1
+    few: Real = np.arange(float(size))[:, None]
+    first: Real = 1 + size * few
+    turned = np.exp(1j * few * pieces.middle)
+    begun: Complex = 2 * values * np.exp(1j * first * pieces.middle)
+    found = (turned * np.cos(few * pieces.half)) @ (begun * np.sin(first * pieces.half)).T
+    found += (turned * np.sin(few * pieces.half)) @ (begun * np.cos(first * pieces.half)).T
+    return np.real(found).T.ravel()[:count] / np.arange(1, count + 1)
 
 
 def _as_one_entry(identification: object) -> Identification:
@@ -189,18 +206,28 @@ def _as_one_entry(identification: object) -> Identification:
     return found
 
 
-def _steps_of(bounds: LoopBounds, of: str, entry: tuple[int, int]) -> _Steps:
-    """The question, checked."""
+def _steps_of(bounds: LoopBounds, asked: Sequence[tuple[str, tuple[int, ...]]]) -> _Steps:
+    """The questions, checked."""
+    as_kind("bounds", bounds, LoopBounds, "LoopBounds, such as one of the proofs of a design")
+    if not bounds.loop.dt:
+        raise InputError(
+            "`bounds` must be of a sampled loop; got continuous time: sample the plant as its controller runs"
+        )
+    if not bounds.guaranteed or bounds.unbounded:
+        raise InputError(f"`bounds` must be proved at every frequency; got: {bounds.unbounded or bounds.status.value}")
     nu, ny = bounds.loop.shape
-    sizes = ny, (ny if of == "set point" else nu)
-    if len(entry) != 2 or not all(0 <= place < size for place, size in zip(entry, sizes, strict=True)):
-        raise InputError(f"`entry` must be (output, {of}) of {sizes[0]} and {sizes[1]}, from 0; got {entry}")
+    every = list[Asked]()
+    for of, entry in asked:
+        sizes = ny, (ny if of == "set point" else nu)
+        if len(entry) != 2 or not all(0 <= place < size for place, size in zip(entry, sizes, strict=True)):
+            raise InputError(f"`entry` must be (output, {of}) of {sizes[0]} and {sizes[1]}, from 0; got {entry}")
+        every.append((of, *entry))
     controller = None if bounds.stability is None else bounds.loop.as_controller(bounds.controller)
     model = bounds.band.model
     if model is None:
         raise InputError("`bounds` must be of a band about a model")
     around = bounds.loop.about(StateMatrices.of(model), controller)
-    return _Steps(BandAxis(bounds.band), around, (nu, ny), of, entry)
+    return _Steps(BandAxis(bounds.band), around, (nu, ny), tuple(every))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,107 +237,151 @@ class _Steps:
     axis: BandAxis
     around: StateMatrices  # from [r; e; d] to [u; y; x]
     shape: tuple[int, int]
-    of: str
-    entry: tuple[int, int]
+    asked: tuple[Asked, ...]
 
     @property
-    def _places(self) -> tuple[int, slice, slice, int]:
-        """Rows of the output and of x, columns of e and of what steps."""
-        nu, ny = self.shape
-        column = self.entry[1] + (nu + ny if self.of == "set point" else 0)
-        return nu + self.entry[0], slice(nu + ny, None), slice(nu, nu + ny), column
+    def settled(self) -> int:
+        """Samples until the loop with the model has settled."""
+        return settled(poles_of(self.around.A), float(self.axis.band.problem.dt or 0.0))
 
-    def nominal(self, count: int) -> Real:
-        """The step with the model; a set point stands where d does, with the other sign: then the output is y - r."""
-        row, _, _, column = self._places
+    @property
+    def _inner(self) -> tuple[slice, slice]:
+        """Rows of x, and columns of e."""
+        nu, ny = self.shape
+        return slice(nu + ny, None), slice(nu, nu + ny)
+
+    def _place(self, asked: Asked) -> tuple[int, int]:
+        """Row of the output, and column of what steps: a set point stands where d does."""
+        nu, ny = self.shape
+        of, i, j = asked
+        return nu + i, j + (nu + ny if of == "set point" else 0)
+
+    @functools.cached_property
+    def _lines(self) -> tuple[list[int], list[int]]:
+        """Rows and columns of all that is asked."""
+        rows, columns = zip(*map(self._place, self.asked), strict=True)
+        return sorted(set(rows)), sorted(set(columns))
+
+    def tube(self, bounds: LoopBounds, asked: Asked, count: int) -> StepTube:
+        """The range of one step at samples."""
+        nominal, (centre, width) = self.nominal(asked, count), self.difference(asked, count)
+        of, *entry = asked
+        return StepTube(
+            bounds=bounds,
+            of=of,
+            entry=(entry[0], entry[1]),
+            times=bounds.loop.dt * np.arange(count, dtype=float),
+            nominal=nominal,
+            lower=nominal + (centre - width),
+            upper=nominal + (centre + width),
+        )
+
+    def nominal(self, asked: Asked, count: int) -> Real:
+        """The step with the model; a set point has the other sign: then the output is y - r."""
+        row, column = self._place(asked)
         u = np.zeros((count, self.around.B.shape[1]))
         u[:, column] = 1.0
         found = simulate(self.around, u)[0][:, row]
-        return float(self.entry[0] == self.entry[1]) - found if self.of == "set point" else found
+        of, i, j = asked
+        return float(i == j) - found if of == "set point" else found
 
-    def difference(self, count: int) -> tuple[Real, float]:
+    def difference(self, asked: Asked, count: int) -> tuple[Real, float]:
         """Centre at every sample, and how far from it the difference of any plant may be."""
-        pieces, parts = self.arcs
-        balls = image_over(*parts, self.axis.errors(pieces))
+        pieces, _, (centres, radii) = self.arcs
+        row, column = self._place(asked)
+        rows, columns = self._lines
+        at = rows.index(row), columns.index(column)
+        c, radius = centres[:, *at], radii[:, *at]
         wide: Real = 2 * pieces.half
-        width = float(wide @ balls.radius) / np.pi
+        width = float(wide @ radius) / np.pi
         if not np.isfinite(width):
             raise InputError("`bounds` must be proved at every frequency; got a loop that may be singular on an arc")
-        c, centre, k = balls.centre[:, 0, 0], np.zeros(count), np.arange(1, count + 1)  # times z: one sample later
-        step = max(1, _AT_ONCE // c.size)
-        for first in range(0, count if c.any() else 0, step):
-            some = k[first : first + step, None]
-            parts = np.real(c * np.exp(1j * some * pieces.middle)) * (2 * np.sin(some * pieces.half) / some)
-            centre[first : first + step] = parts.sum(axis=1) / np.pi
-        return self.sign * centre, width + _ROUNDING * float(wide @ (np.abs(c) + balls.radius))
+        centre = _integrals(c, pieces, count) / np.pi if c.any() else np.zeros(count)
+        return self._sign(asked) * centre, width + _ROUNDING * float(wide @ (np.abs(c) + radius))
 
     def narrowed(self, identification: Identification, count: int) -> tuple[NDArray[np.intp], Real, Real]:
         """Samples, and bounds of the difference there whose linear part is that of the consistent set, at single outputs.
 
         ``H_1 Delta H_2`` of a step is the response of Delta to a known input; the rest is ``H_1 m Delta^2 / (1 - m Delta) H_2``.
         """
-        row, x, e, column = self._places
+        (asked,), (x, e) = self.asked, self._inner
+        row, column = self._place(asked)
         u = np.zeros((count, self.around.B.shape[1]))
         u[:, column] = 1.0
         given = np.zeros(u.shape)
         given[:, e] = simulate(self.around, u)[0][:, x]
         known = simulate(self.around, given)[0][:, row]
         tube = response_tube(identification, input=known, model=self.axis.band.model)
-        pieces, parts = self.arcs
+        pieces, parts, _ = self.arcs
         left, right, inner = ((np.abs(values) + reach)[:, 0, 0] for values, reach in parts)
         b = self.axis.bounds(pieces)[:, 0, 0]
         room = 1 - inner * b
         rest = np.where(room > 0, left * right * inner * b**2 / np.where(room > 0, room, 1.0), np.inf)
         width = float(2 * pieces.half @ rest) / np.pi  # infinite: nothing is narrowed
-        low, high = sorted(
-            (self.sign * (tube.lower - tube.nominal), self.sign * (tube.upper - tube.nominal)), key=np.sum
-        )
+        sign = self._sign(asked)
+        low, high = sorted((sign * (tube.lower - tube.nominal), sign * (tube.upper - tube.nominal)), key=np.sum)
         return tube.samples, low - width, high + width
 
-    @property
-    def sign(self) -> float:
+    @staticmethod
+    def _sign(asked: Asked) -> float:
         """The set point is a disturbance of the other sign."""
-        return -1.0 if self.of == "set point" else 1.0
+        return -1.0 if asked[0] == "set point" else 1.0
 
     @functools.cached_property
-    def arcs(self) -> tuple[Pieces, tuple[Part, Part, Part]]:
-        """Pieces of arc, and on each what is before and behind Delta and around it, but for a factor z."""
-        row, x, e, column = self._places
+    def arcs(self) -> tuple[Pieces, tuple[Part, Part, Part], tuple[Complex, Real]]:
+        """Pieces of arc, on each what is before and behind Delta and around it, but for a factor z, and what holds all differences.
+
+        Before Delta are all outputs, behind it is all that steps, (N, rows, columns).
+        """
+        (x, e), (rows, columns) = self._inner, self._lines
         A, B, C, D = self.around
         _, ny = self.shape
         back = np.asarray(np.linalg.solve(np.eye(len(A)) - A, B[:, e]), dtype=float)
-        last = D[row, e] + C[row] @ back
-        if np.any(np.abs(last) > _ZERO * (1 + np.abs(C[row]) @ np.abs(back))):
+        last = D[rows, e] + C[rows] @ back
+        if np.any(np.abs(last) > _ZERO * (1 + np.abs(C[rows]) @ np.abs(back))):
             raise InputError(
                 "`bounds` must be of a controller that integrates: else the final value of a step is another one with every plant,"
                 " and values at single frequencies bound no step"
             )
+        Q, R = len(columns), len(rows)
         system = StateMatrices(
             A,
-            np.hstack([B[:, [column]], B[:, e], back]),
-            np.vstack([-C[[row]], C[x]]),
-            np.vstack([np.zeros((1, 1 + 2 * ny)), np.hstack([D[x, [column]], D[x, e], 0 * D[x, e]])]),
+            np.hstack([B[:, columns], B[:, e], back]),
+            np.vstack([-C[rows], C[x]]),
+            np.vstack([np.zeros((R, Q + 2 * ny)), np.hstack([D[x][:, columns], D[x, e], 0 * D[x, e]])]),
         )
         model, lost, angles, _ = self.axis.arcs_of(system)
-        mean, count = 0.0, 0
+        mean, count = np.zeros(0), 0
 
         def parts(pieces: Pieces, reach: Real) -> tuple[Part, Part, Part]:
             def part(rows: slice, columns: slice) -> Part:
                 return pieces.values[:, rows, columns], reach[:, rows, columns]
 
-            one, others = slice(0, 1), slice(1, None)
-            return part(one, slice(1 + ny, None)), part(others, one), part(others, slice(1, 1 + ny))
+            outputs, others = slice(0, R), slice(R, None)
+            return (part(outputs, slice(Q + ny, None)), part(others, slice(0, Q)), part(others, slice(Q, Q + ny)))
 
-        def radius(pieces: Pieces, reach: Real) -> Real:
-            return image_over(*parts(pieces, reach), self.axis.errors(pieces)).radius
-
-        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+        def judge(pieces: Pieces) -> tuple[NDArray[np.bool_], Real]:
             nonlocal mean, count
-            middle, arc = radius(pieces, 0.0 * pieces.radius), radius(pieces, pieces.radius + lost)
-            mean = mean or float(middle @ pieces.half) / np.pi
-            count += arc.size
+            _, middle = self._discs(pieces, parts(pieces, 0.0 * pieces.radius))
+            centre, arc = self._discs(pieces, parts(pieces, pieces.radius + lost))
+            mean = mean if mean.any() else np.einsum("nrq,n->rq", middle, pieces.half) / np.pi
+            count += len(middle)
             more = (arc > middle + _TOLERANCE * np.maximum(middle, mean)) & np.isfinite(middle)
-            return more & np.any(pieces.radius > lost, axis=(1, 2)) & (count < _FEW)
+            halved = np.any(more, axis=(1, 2)) & np.any(pieces.radius > lost, axis=(1, 2)) & (count < _FEW)
+            return halved, np.stack([centre.real, centre.imag, arc], axis=1)
 
-        pieces = enclose(model, angles, coarse)
-        return pieces, parts(pieces, pieces.radius + lost)
+        pieces, found = enclose_judged(model, angles, judge)
+        return pieces, parts(pieces, pieces.radius + lost), (found[:, 0] + 1j * found[:, 1], found[:, 2])
+
+    def _discs(self, pieces: Pieces, parts: tuple[Part, Part, Part]) -> tuple[Complex, Real]:
+        """Centres and radii of discs that hold the entries of all differences, (N, rows, columns)."""
+        (left, right, inner), errors = parts, self.axis.errors(pieces)
+        if self.shape != (1, 1):
+            radius = entries_over(left, right, inner, errors.bound)
+            return np.zeros(radius.shape, complex), radius
+        every = [
+            image_over(left, (right[0][:, :, [k]], right[1][:, :, [k]]), inner, errors)
+            for k in range(right[0].shape[2])
+        ]
+        centres: Complex = np.concatenate([one.centre for one in every], axis=2)
+        return centres, np.stack([one.radius for one in every], axis=1)[:, None, :]

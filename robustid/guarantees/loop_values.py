@@ -25,7 +25,7 @@ import numpy as np
 
 from robustid.core import Complex, Real, norms
 from robustid.guarantees.linear.error_sets import ErrorSets, Held
-from robustid.guarantees.scaling import perron_scaling
+from robustid.guarantees.scaling import Scaling, perron_scaling
 from robustid.guarantees.value_set import norm_of_bounds
 
 MAPS = ("sensitivity", "complementary_sensitivity", "process_sensitivity", "control_sensitivity")
@@ -178,6 +178,21 @@ def image_over(left: Part, right: Part, inner: Part, errors: ErrorSets) -> Balls
     )
 
 
+def entries_over(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    """Bounds of every entry of ``left Delta (I - inner Delta)^-1 right`` over all ``|Delta| <= bound``, (N, rows, columns)."""
+    scaling = _scaling(left, right, inner, bound)
+    found = [_entries(left, right, inner, bound)]
+    for (outer, last), through, size in (
+        ((left, right), _size(inner), bound),
+        (_in_scales(scaling, left, right), _size(_closing(scaling, inner)), scaling.uncertainty(bound)),
+    ):
+        rows: Real = np.linalg.norm(outer[0], axis=2) + np.linalg.norm(outer[1], axis=2)
+        columns: Real = np.linalg.norm(last[0], axis=1) + np.linalg.norm(last[1], axis=1)
+        limit = through[:, None, None], norm_of_bounds(size)[:, None, None]
+        found.append(_closed(rows[:, :, None], columns[:, None, :], *limit))
+    return np.fmin.reduce(found)
+
+
 def _added(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     return np.fmin.reduce([one(left, right, inner, bound) for one in (_by_entries, _by_norms, _scaled)])
 
@@ -203,34 +218,50 @@ def _disc(fixed: Part, left: Part, right: Part, inner: Part, held: Held) -> Ball
 
 
 def _by_entries(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    """Norm of ``|H_1| b (I - |m| b)^-1 |H_2|``."""
+    return norm_of_bounds(_entries(left, right, inner, bound))
+
+
+def _entries(left: Part, right: Part, inner: Part, bound: Real) -> Real:
+    """``|H_1| b (I - |m| b)^-1 |H_2|``, infinite where the series is."""
     sizes = [np.abs(values) + reach for values, reach in (left, right, inner)]
     through = sizes[2] @ bound
-    closed = np.max(np.abs(np.linalg.eigvals(through)), axis=1) < 1
-    through = np.where(closed[:, None, None], through, 0.0)
+    closed = (np.max(np.abs(np.linalg.eigvals(through)), axis=1) < 1)[:, None, None]
+    through = np.where(closed, through, 0.0)
     series = np.maximum(np.linalg.inv(np.eye(through.shape[1]) - through), 0.0)
-    return np.where(closed, norm_of_bounds(sizes[0] @ bound @ series @ sizes[1]), np.inf)
+    return np.where(closed, sizes[0] @ bound @ series @ sizes[1], np.inf)
 
 
 def _by_norms(left: Part, right: Part, inner: Part, bound: Real) -> Real:
-    outer, last, through = (norms(values) + norms(reach) for values, reach in (left, right, inner))
-    return _closed(outer, last, through, norm_of_bounds(bound))
+    return _closed(_size(left), _size(right), _size(inner), norm_of_bounds(bound))
 
 
 def _scaled(left: Part, right: Part, inner: Part, bound: Real) -> Real:
     """The same with signals scaled by ``Delta = diag(alpha) Delta_s diag(beta)``."""
+    scaling = _scaling(left, right, inner, bound)
+    outer, last = _in_scales(scaling, left, right)
+    through, size = _size(_closing(scaling, inner)), norm_of_bounds(scaling.uncertainty(bound))
+    return _closed(_size(outer), _size(last), through, size)
+
+
+def _size(part: tuple[Complex | Real, Complex | Real]) -> Real:
+    """Bound of the largest singular value of values within their radii, (N,)."""
+    return norms(part[0]) + norms(part[1])
+
+
+def _closing(scaling: Scaling, inner: Part) -> tuple[Complex | Real, Complex | Real]:
+    """What is around a scaled Delta."""
+    return scaling.loop(inner[0]), scaling.loop(inner[1])
+
+
+def _scaling(left: Part, right: Part, inner: Part, bound: Real) -> Scaling:
     fed_back = np.any(inner[0], axis=(1, 2))[:, None, None]
-    scaling = perron_scaling(np.where(fed_back, inner[0], _outer(right, left)), bound)
-    alpha, beta = np.exp(scaling.rows), np.exp(scaling.columns)
-    outer, last, through = (
-        norms(values) + norms(reach)
-        for values, reach in (
-            (left[0] * alpha[:, None, :], left[1] * alpha[:, None, :]),
-            (right[0] * beta[:, :, None], right[1] * beta[:, :, None]),
-            (scaling.loop(inner[0]), scaling.loop(inner[1])),
-        )
-    )
-    return _closed(outer, last, through, norm_of_bounds(scaling.uncertainty(bound)))
+    return perron_scaling(np.where(fed_back, inner[0], _outer(right, left)), bound)
+
+
+def _in_scales(scaling: Scaling, left: Part, right: Part) -> tuple[Part, Part]:
+    """What is before and behind a scaled Delta."""
+    alpha, beta = np.exp(scaling.rows)[:, None, :], np.exp(scaling.columns)[:, :, None]
+    return (left[0] * alpha, left[1] * alpha), (right[0] * beta, right[1] * beta)
 
 
 def _outer(right: Part, left: Part) -> Complex:

@@ -14,7 +14,7 @@ from robustid.core import Frozen, Real, freeze, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.bilinear import Image
-from robustid.guarantees.cells import INPUT, KINDS, Pieces, as_bounds, check_plant, enclose, structure_of
+from robustid.guarantees.cells import INPUT, KINDS, Pieces, as_bounds, check_plant, enclose_judged, structure_of
 from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.scaling import Scaling, best_scaling, perron_scaling
@@ -281,14 +281,13 @@ class Condition:
         """Guaranteed maximum over the circle, and where."""
         reached = _NOTHING
 
-        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+        def judge(pieces: Pieces) -> tuple[NDArray[np.bool_], Real]:
             nonlocal reached
             middle, arc = self.on(pieces, reached)
             reached = max(reached, float(middle.max()))
-            return arc > reached * (1 + _TOLERANCE)
+            return arc > reached * (1 + _TOLERANCE), arc
 
-        pieces = enclose(self.loop, self.angles, coarse)
-        gains = self.on(pieces, reached)[1]
+        pieces, gains = enclose_judged(self.loop, self.angles, judge)
         worst = int(np.argmax(gains))
         return float(gains[worst]) * (1 + 1e-12), float(pieces.middle[worst])
 
@@ -296,14 +295,14 @@ class Condition:
         """Guaranteed maximum on every cell, (C,)."""
         little = max(largest / _SHOWN, _NOTHING)
 
-        def coarse(pieces: Pieces) -> NDArray[np.bool_]:
+        def judge(pieces: Pieces) -> tuple[NDArray[np.bool_], Real]:
             middle, arc = self.on(pieces, little)
-            return arc > np.maximum(middle * (1 + _CURVE), little)
+            return arc > np.maximum(middle * (1 + _CURVE), little), arc
 
-        pieces = enclose(self.loop, self.angles, coarse)
-        gains = np.zeros(self.angles.size - 1)
-        np.maximum.at(gains, pieces.cell, self.on(pieces, little)[1])
-        return gains * (1 + 1e-12)
+        pieces, gains = enclose_judged(self.loop, self.angles, judge)
+        largest_on = np.zeros(self.angles.size - 1)
+        np.maximum.at(largest_on, pieces.cell, gains)
+        return largest_on * (1 + 1e-12)
 
     def limit(self, angle: float) -> tuple[str, Real]:
         """Structure whose bound answers at a frequency, and the shares (ny, nu) of its blocks."""

@@ -11,7 +11,8 @@ import scipy.linalg
 from robustid.controllers import ControllerDesign
 from robustid.core import Real, Signal, StateMatrices, closed_loop, decay_of, poles_of, simulate
 from robustid.errors import InputError
-from robustid.guarantees import STEPS, LoopBounds, StepTube, settled, step_tube
+from robustid.guarantees import STEPS, LoopBounds, StepTube, settled
+from robustid.guarantees import step_tubes as loop_step_tubes
 from robustid.identification import as_system
 from robustid.report.charts import BAND, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, lighter, side_by_side
 from robustid.report.design_charts import proofs_of
@@ -153,14 +154,8 @@ def _bands(design: ControllerDesign) -> list[tuple[LoopBounds, str, str]]:
 
 def step_tubes(bounds: LoopBounds) -> tuple[Tubes, str]:
     """Ranges of the steps of all consistent plants, by what steps, output and input, or the reason for which there are none."""
-    nu, ny = bounds.loop.shape
-    every = [
-        (of, i, j)
-        for of, count in zip(STEPS, (ny, nu), strict=True)
-        for i, j in itertools.product(range(ny), range(count))
-    ]
     try:
-        return {(of, i, j): step_tube(bounds, of, entry=(i, j)) for of, i, j in every}, ""
+        return loop_step_tubes(bounds), ""
     except InputError as error:
         return {}, str(error)
 

@@ -31,7 +31,7 @@ def question_of(make, seed, cornered=False):
         )
     limits = task.asked(0.1 * here.ends[0] ** 0.5 * here.ends[1] ** 0.5)
     question, discs = here.question(limits)
-    wanted = next(here._starts(discs, limits, None))
+    _, wanted = next(here._starts(discs, limits, None))
     return question, wanted, question.directions(wanted)
 
 
@@ -91,3 +91,25 @@ def test_a_climb_that_is_stuck_is_led_on_by_the_model_alone(monkeypatch):
     assert found.level < 1.01
     assert here._climbed(found, here.ends[1], 1.5).level < 1.01  # what directions of the loop itself lead to
     assert here.raised(found).level > 2.0
+
+
+class Forgotten(dict):
+    """Levels that nobody remembers."""
+
+    def __setitem__(self, name, level):
+        pass
+
+
+@pytest.mark.parametrize(("make", "seed"), [(band_of, 0), slow(band_of, 1), slow(matrix_band_of, 0)])
+def test_starts_that_found_nothing_at_a_level_are_not_missed_above(make, seed):
+    task = Task.of([Plants.of(make(seed)[1])], tuple(STRUCTURES[0]), LIMITS, Bandwidth())
+    levels, asked = [], []
+    for lost in ({}, Forgotten()):
+        here = At(task, task.middle)
+        here.lost = lost
+        programs = iter(range(10**6))
+        task.go_on = lambda programs=programs: next(programs)  # called before each of them
+        levels.append(here.raised(here.first()).level)
+        asked.append(next(programs))
+    assert levels[0] == levels[1]
+    assert asked[0] < asked[1]

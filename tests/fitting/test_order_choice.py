@@ -47,10 +47,7 @@ def sweeps(count, shape, modes, lines, known, stable, orders):
     ("shape", "modes", "lines", "known"), every_one([((1, 1), 2, 200), ((2, 2), 2, 60)], [True, False])
 )
 def test_mdl_finds_the_order(shape, modes, lines, known, seeds):
-    """All seeds, among one order below and two above; costs of plain least squares never rise.
-
-    Not a rate: of 8 seeds of the first system at unknown level, 6 hold with 200 lines and 6 with 100.
-    """
+    """All seeds, one order below and two above; costs never rise. No rate: at unknown level 6 of 8 seeds of the first hold."""
     assert sweeps(seeds, shape, modes, lines, known, False, [3, 4, 5, 6]) == (seeds, seeds)
 
 

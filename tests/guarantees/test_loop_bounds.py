@@ -9,7 +9,7 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices, response_at
 from robustid.guarantees import loop_axis
-from robustid.guarantees.loop_values import Balls, LoopValues, delay_of, worst_of
+from robustid.guarantees.loop_values import Balls, LoopValues, delay_of, entries_over, image_of, worst_of
 from support.loop_candidates import case_of, consistent_plants, tried, verdict
 from support.loop_truths import distances, judged, outside, recorded, response_of
 
@@ -55,6 +55,25 @@ def test_no_change_within_the_bounds_leaves_the_balls(shape):
                 farthest[name] = np.maximum(farthest[name], distance / balls[name].radius)
     if shape == (1, 1):  # the disc is exactly the set
         assert min(one.min() for one in farthest.values()) > 0.999
+
+
+@pytest.mark.parametrize("fed_back", [True, False])
+def test_every_entry_of_an_image_is_that_of_its_row_and_column(fed_back):
+    rng = np.random.default_rng(2)
+    bound, parts = rng.uniform(0.01, 0.15, (40, 3, 2)), []
+    for size in ((40, 4, 3), (40, 2, 5), (40, 2, 3)):
+        values = rng.standard_normal(size) + 1j * rng.standard_normal(size)
+        parts.append((values, 0.1 * rng.uniform(size=size)))
+    left, right, inner = parts
+    inner = (fed_back * inner[0], fed_back * inner[1])
+    found = entries_over(left, right, inner, bound)
+    for i, j in np.ndindex(4, 5):
+        row, column = ((left[k][:, [i]] for k in (0, 1)), (right[k][:, :, [j]] for k in (0, 1)))
+        alone = image_of(tuple(row), tuple(column), inner, bound).radius
+        assert np.all(alone <= found[:, i, j] * (1 + 1e-9))  # its own scaling can be better where nothing is fed back
+        if fed_back:
+            np.testing.assert_allclose(found[:, i, j], alone, rtol=1e-9)
+    assert np.isfinite(found).mean() > 0.5
 
 
 def test_values_about_another_centre_are_those_of_the_sum():
@@ -212,14 +231,14 @@ def test_another_controller_is_proved_stable_or_refused_with_a_plant_that_shows_
 def test_no_piece_of_the_axis_is_halved_for_what_is_infinite(monkeypatch):
     """A controller that is refused has no finite peak: the arcs of the band say so as they are."""
     case, _, band = case_of(0)
-    kept, pieces = loop_axis.enclose, []
+    kept, pieces = loop_axis.enclose_judged, []
 
     def counted(*given):
         found = kept(*given)
-        pieces.append(found.cell.size)
+        pieces.append(found[0].cell.size)
         return found
 
-    monkeypatch.setattr(loop_axis, "enclose", counted)
+    monkeypatch.setattr(loop_axis, "enclose_judged", counted)
     gain = rid.loop_bounds(band, case.loop).margins.gain[1]
     found = rid.loop_bounds(band, case.loop, 1.05 * gain * case.controller)
     assert found.peaks["sensitivity"].value == np.inf

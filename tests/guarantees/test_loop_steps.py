@@ -1,6 +1,7 @@
 """Tubes of steps of a loop: a closed form, dense integrals, and steps of consistent plants, simulated by `control`."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -11,7 +12,8 @@ from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits
 from robustid.errors import InputTypeError
 from robustid.guarantee import step_tube
-from robustid.guarantees import STEPS, CircleBound
+from robustid.guarantees import STEPS, CircleBound, step_tubes
+from robustid.guarantees.loop_steps import _integrals
 from robustid.guarantees.outputs import consistent_outputs
 from robustid.identification import nominal_model
 from robustid.identification.formulation import Candidate
@@ -58,6 +60,18 @@ def test_a_dead_beat_loop_has_its_closed_form():
     np.testing.assert_allclose(centre, [-(b**2) / (1 - b**2), 0, 0, 0, 0, 0], atol=1e-3)
     half = (tube.upper - tube.lower) / 2
     assert np.all((half >= b / (1 - b**2)) & (half <= 1.03 * b / (1 - b**2)))
+
+
+@pytest.mark.parametrize("count", [1, 2, 40, 41])
+def test_integrals_over_arcs_are_those_of_every_sample(count):
+    rng = np.random.default_rng(count)
+    edges = np.sort(rng.uniform(0, np.pi, 31))
+    pieces = SimpleNamespace(middle=(edges[1:] + edges[:-1]) / 2, half=np.diff(edges) / 2)
+    c = rng.normal(size=30) + 1j * rng.normal(size=30)
+    found = _integrals(c, pieces, count)
+    for k in range(1, count + 1):
+        direct = np.sum(np.real(c * (np.exp(1j * k * edges[1:]) - np.exp(1j * k * edges[:-1])) / (1j * k)))
+        assert abs(found[k - 1] - direct) <= 1e-13
 
 
 def inside(plant, controller, tubes):
@@ -142,6 +156,10 @@ def test_every_entry_of_a_matrix_has_a_range(seed):
     (bounds,) = design.proofs
     tubes = {(of, place): step_tube(bounds, of, entry=place) for of in STEPS for place in np.ndindex(2, 2)}
     assert max(inside(plant, design.controller, tubes)) <= 1
+    for (of, i, j), tube in step_tubes(bounds).items():  # on the same arcs: as wide, but for what arcs take
+        assert np.ptp([one.upper[0] - one.lower[0] for one in (tube, tubes[of, (i, j)])]) <= 0.03 * (
+            tube.upper[0] - tube.lower[0]
+        )
 
 
 def test_an_unstable_plant_in_its_loop_has_a_range():

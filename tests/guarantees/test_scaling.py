@@ -70,7 +70,7 @@ def test_closed_forms(shape):
     assert upper_bound(loop, bound) <= upper_bound(loop, bound, perron_scaling) * (1 + 1e-9)
     # The whole matrix: plain small gain.
     full = np.array([[0.7]])
-    assert upper_bound(loop, full) == 0.7 * np.linalg.norm(loop, 2)
+    assert upper_bound(loop, full) == pytest.approx(0.7 * np.linalg.norm(loop, 2), rel=1e-14)
     # Diagonal, with errors on the diagonal only.
     if nu == ny:
         little = bound * (np.eye(nu) + 1e-9)

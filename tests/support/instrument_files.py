@@ -365,9 +365,8 @@ def hammer_test(hz, values, coherence):
             "    58",
             *(f"{text:<80}" for text in ("Frequency response", "NONE", "26-Nov-26", "NONE", "NONE")),
         ]
-        parts += [
-            f"{4 if response else 6:5d}{k:10d}{0:5d}{0:10d} {'plate':<10}{column + 1:10d}{3:4d} {'plate':<10}{2:10d}{3:4d}"
-        ]
+        place = f"{'plate':<10}{column + 1:10d}{3:4d} {'plate':<10}{2:10d}{3:4d}"
+        parts += [f"{4 if response else 6:5d}{k:10d}{0:5d}{0:10d} {place}"]
         parts += [f"{5 if response else 2:10d}{len(hz):10d}{1:10d}{hz[0]:13.5e}{hz[1] - hz[0]:13.5e}{0.0:13.5e}"]
         axes = [(18, "Frequency", "Hz"), *sides, (0, "NONE", "NONE")]
         parts += [f"{kind:10d}{zero} {name:<20} {unit:<20}" for kind, name, unit in axes]
@@ -397,5 +396,5 @@ def gain_and_phase(hz, values):
 def motion_record(dt, excitation, force, position):
     """A record of a motion controller in loop: what was added to the force, force and position; semicolons, decimal commas."""
     names = "time [s];excitation [N];force [N];position [um]\r\n"
-    body = lines(dt * counted(force), excitation, force, position, separator=";", number="{:.7g}", comma=True)
-    return (names + body).encode()
+    columns = dt * counted(force), excitation, force, position
+    return (names + lines(*columns, separator=";", number="{:.7g}", comma=True)).encode()

@@ -330,7 +330,6 @@ def test_without_time_the_discs_stand_but_where_they_are_loosest():
     """The first frequency is finished whatever the limit is: that at which a known disc is said to be the loosest."""
     found = plain().refine(identified(), time_limit=1e-6)
     assert found.polygons.omega.size == 1
-
     error = rid.worst_case_error(identified(), omega=OMEGA, directions=4, known=Loose(), time_limit=1e-6)
     np.testing.assert_array_equal(error.omega, OMEGA[3:4])
     assert plain().refine(omega=AT[:1], time_limit=30.0).polygons.omega.size == 1  # identified on the way
@@ -394,10 +393,8 @@ def test_beside_a_frequency_without_a_polygon_the_estimate_may_be_infinite():
 
 
 def test_frequencies_are_chosen_one_at_a_time_and_then_halfway_between():
-    gain = np.array([1.0, 5.0, 4.0, 0.0, 3.0, 2.0])
-    assert placement._apart(gain, 0).tolist() == []  # a round that has room for no other one
-    assert placement._apart(gain, 1).tolist() == [1]
-    assert placement._apart(gain, 3).tolist() == [1, 4]  # two apart at least
+    gain = np.array([1.0, 5.0, 4.0, 0.0, 3.0, 2.0])  # no room for another one; two apart at least
+    assert [placement._apart(gain, count).tolist() for count in (0, 1, 3)] == [[], [1], [1, 4]]
     omega, tried = halved(np.array([1.0, 2.0, 4.0]), np.array([0.5, np.nan, 0.25])[:, None, None])
     assert omega.tolist() == [1.0, 1.5, 2.0, 3.0, 4.0]
     np.testing.assert_equal(tried[:, 0, 0], [0.5, np.nan, np.nan, np.nan, 0.25])
