@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
-from robustid.controllers.designing import SPARE, At, Found, Task, TimeIsOver, unheard
+from robustid.controllers.designing import SPARE, At, Found, Task, TimeIsOver, ended_early, unheard
 from robustid.controllers.proving import Proof
-from robustid.core import Budget, Interruptible, Progress, Real
+from robustid.core import Budget, Interruptible, Progress, Real, Unfinished
 
 _THEMSELVES = 1 / SPARE  # limits that are relaxed by it are those that were asked for
 _RATIO = 1.01  # of two factors that limits are relaxed by, which are as good as equal
@@ -33,20 +33,20 @@ class Closest(NamedTuple):
     found: Found
     proof: Proof
     bounds: float | None
-    finished: bool
+    unfinished: Unfinished | None
 
 
 def closest(task: Task, budget: Budget, progress: Progress | None = None) -> Closest | None:
     """The closest controller of a structure where none keeps the limits; None where no limits could be kept."""
     task = dataclasses.replace(task, budget=budget, heard=unheard)
     best: tuple[float, Found] | None = None
-    bounds, finished = None, False
+    bounds, finished, search = None, False, Interruptible(lambda: best is not None)
 
     def tell(text: str) -> None:
         if progress is not None:
             progress(text, 0, 0)
 
-    with Interruptible(lambda: best is not None), contextlib.suppress(TimeIsOver):
+    with search, contextlib.suppress(TimeIsOver):
         tell("no controller keeps the limits; searching the closest one")
         for at in task.starts:
             for found in _relaxed(task, at, _MOST if best is None else best[0] / _RATIO):
@@ -58,7 +58,7 @@ def closest(task: Task, budget: Budget, progress: Progress | None = None) -> Clo
         return None
     tell("proving the closest controller on the whole axis")
     found, proof = _judged(task, *best)
-    return Closest(found, proof, bounds, finished)
+    return Closest(found, proof, bounds, None if finished else ended_early(search))
 
 
 def _relaxed(task: Task, at: list[float], most: float) -> Iterator[tuple[float, Found]]:

@@ -25,7 +25,7 @@ from robustid.core import (
     Frozen,
     Progress,
     Savable,
-    as_flag,
+    Unfinished,
     as_float,
     as_function,
     as_kind,
@@ -78,8 +78,8 @@ class ControllerDesign(Frozen, Drawable, Savable):
     bounds : float or None
         Where no controller was found: factor of the bounds of all bands, 0.5 or 0, with which one was; None where not even for
         the models themselves.
-    finished : bool
-        False where the time was over or Ctrl-C came before the search had ended.
+    unfinished : Unfinished or None
+        What ended the search before its end: the time, or Ctrl-C; None of one that came to it.
     """
 
     status: DesignStatus
@@ -92,11 +92,13 @@ class ControllerDesign(Frozen, Drawable, Savable):
     shares: dict[str, tuple[float, float]]
     searched: tuple[float, ...]
     bounds: float | None = None
-    finished: bool = True
+    unfinished: Unfinished | None = None
     by_band: tuple[dict[str, tuple[float, float]], ...] = ()
 
-    def __post_init__(self) -> None:
-        self._set(finished=as_flag("finished", self.finished))
+    @property
+    def finished(self) -> bool:
+        """False where the time was over or Ctrl-C came before the search had ended."""
+        return self.unfinished is None
 
     @property
     def limited_by(self) -> tuple[str, float] | None:
@@ -326,16 +328,16 @@ def design_controller(
     task = Task.of(plants, factors, limits, goal)
     least = goal.asked(limits, At(task, task.middle).ends[0])
     law = obstacle_of(plants, factors, least)  # where no controller can be found none is sought
-    found, proof, finished = searched_with_proof(task, budget, progress) if law is None else (None, None, True)
+    found, proof, unfinished = searched_with_proof(task, budget, progress) if law is None else (None, None, None)
     if found is not None and proof is not None:
         status = DesignStatus.PROVED if proof.kept else DesignStatus.FOUND
-        return _design(task, status, found, proof, finished)
-    near = closest(task, budget, progress) if finished else None
+        return _design(task, status, found, proof, unfinished)
+    near = closest(task, budget, progress) if unfinished is None else None
     if near is not None:
         kept = near.proof.kept  # found from limits that were relaxed, and proved to keep those that were asked for
         status = DesignStatus.PROVED if kept else DesignStatus.NONE
-        return _design(task, status, near.found, near.proof, near.finished, None if kept else near.bounds)
-    status = DesignStatus.NONE if finished else DesignStatus.UNFINISHED
+        return _design(task, status, near.found, near.proof, near.unfinished, None if kept else near.bounds)
+    status = DesignStatus.NONE if unfinished is None else DesignStatus.UNFINISHED
     return ControllerDesign(
         status=status,
         controller=None,
@@ -346,12 +348,17 @@ def design_controller(
         proofs=(),
         shares={},
         searched=(),
-        finished=finished,
+        unfinished=unfinished,
     )
 
 
 def _design(
-    task: Task, status: DesignStatus, found: Found, proof: Proof, finished: bool, bounds: float | None = None
+    task: Task,
+    status: DesignStatus,
+    found: Found,
+    proof: Proof,
+    unfinished: Unfinished | None,
+    bounds: float | None = None,
 ) -> ControllerDesign:
     return ControllerDesign(
         status=status,
@@ -365,5 +372,5 @@ def _design(
         by_band=proof.by_band,
         searched=tuple(found.at),
         bounds=bounds,
-        finished=finished,
+        unfinished=unfinished,
     )

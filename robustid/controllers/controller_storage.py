@@ -19,6 +19,7 @@ from robustid.core import (
     Real,
     Record,
     StateMatrices,
+    Unfinished,
     fields_of,
     keep,
     points_of,
@@ -46,7 +47,7 @@ def _evidence(found: ControllerDesign) -> Record:
         "dt": None if controller is None else float(controller.dt or 0.0),
         "found": found.status,
         "bounds_factor": found.bounds,
-        "finished": found.finished,
+        "unfinished": found.unfinished,
     }
 
 
@@ -62,12 +63,12 @@ def design_again(
     dt: float | None = None,
     found: DesignStatus = DesignStatus.FOUND,
     bounds_factor: float | None = None,
-    finished: bool = True,
+    unfinished: Unfinished | None = None,
     progress: Progress | None = None,
 ) -> ControllerDesign:
     """The design with its proof, judged again: that it is proved counts for nothing, that a search found none is recorded."""
     asked: Options = {"goal": goal, "limits": limits, "structure": structure, "searched": searched}
-    asked |= {"bounds": bounds_factor, "finished": finished, "level": level}
+    asked |= {"bounds": bounds_factor, "unfinished": unfinished, "level": level}
     if len(bands) != len(loops):
         raise ValueError("every band needs its loop")
     if controller is None:

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from robustid.controllers.designing import At, Found, Task, TimeIsOver
+from robustid.controllers.designing import At, Found, Task, TimeIsOver, ended_early
 from robustid.controllers.proving import Proof
-from robustid.core import Budget, Interruptible, Progress
+from robustid.core import Budget, Interruptible, Progress, Unfinished
 
 _CUTS = 6  # rounds of frequencies at which a proof failed
 _MUCH, _AGAIN = 1.2, 1.5  # shares up to which more is asked for, and how much more than is missing
@@ -18,11 +18,11 @@ _RESERVE = 1.5  # of the time that a proof took, for the next one
 
 
 class Outcome(NamedTuple):
-    """A controller and its proof, None where there is none; `finished`: whether the search came to its end."""
+    """A controller and its proof, None where there is none; `unfinished`: what ended the search before its end."""
 
     found: Found | None
     proof: Proof | None
-    finished: bool
+    unfinished: Unfinished | None
 
 
 def searched_with_proof(task: Task, budget: Budget, progress: Progress | None = None) -> Outcome:
@@ -42,17 +42,18 @@ class _Search:
 
     def outcome(self) -> Outcome:
         """The best so far at the end, or when the time is over or Ctrl-C comes."""
-        finished = False
-        with Interruptible(lambda: self.found is not None), contextlib.suppress(TimeIsOver):
+        finished, search = False, Interruptible(lambda: self.found is not None)
+        with search, contextlib.suppress(TimeIsOver):
             self.run()
             finished = True
+        unfinished = None if finished else ended_early(search)
         best, proved = self.found, self.judged
         worth = best is not None and (proved is None or not proved[1].kept or best.level > proved[0].level)
         if not finished and best is not None and worth and self.budget.left > self.seconds:
             self.prove(best)
         if self.judged is None:
-            return Outcome(self.found, None, finished)
-        return Outcome(*self.judged, finished)
+            return Outcome(self.found, None, unfinished)
+        return Outcome(*self.judged, unfinished)
 
     def hear(self, found: Found) -> None:
         """Keep a controller that is found, where it is better."""

@@ -36,6 +36,7 @@ from robustid.report.document import (
     checked_by_another,
     of_numbers,
     proved,
+    unfinished_notice,
 )
 from robustid.report.identified import Parts
 from robustid.report.loop_page import NOT_IN_LOOP, loop_stands_on
@@ -85,6 +86,7 @@ def design_head(design: ControllerDesign, title: str | None, parts: Parts) -> Do
             *checked_by_another(parts.get("independent")),
         ],
         body=[],
+        notice=None if design.status is DesignStatus.UNFINISHED else unfinished_notice(design.unfinished),
         glance=Glance(
             numbers=_numbers(design),
             words=_words(design),

@@ -1,6 +1,5 @@
 """Every public flag refuses a word: "no" would count as true."""
 
-import dataclasses
 import inspect
 import types
 
@@ -20,23 +19,11 @@ CLASS = rid.datasets.flexible_structure(lines=5)
 PRIOR = rid.Prior(gain_bound=0.2, decay_rate=1.1)
 PAIR = rid.kautz(CLASS.modes[:1, 0], CLASS.modes[:1, 1], dt=CLASS.frequency.dt)
 PROBLEM = rid.MixedProblem(frequency=CLASS.frequency, prior=PRIOR, parametric=PAIR)
-DESIGN = rid.design.ControllerDesign(
-    status=rid.design.DesignStatus.NONE,
-    controller=None,
-    goal=rid.design.Bandwidth(),
-    level=0.0,
-    limits=rid.design.Limits(),
-    structure=(rid.design.PID(),),
-    proofs=(),
-    shares={},
-    searched=(),
-)
 
 # name, flags, what takes the flag
 CALLS = [
     ("Band.verify", "exact", lambda **flag: rid.guarantee.Band.verify(None, **flag)),
     ("Contradiction.verify", "exact", lambda **flag: rid.guarantee.Contradiction.verify(None, **flag)),
-    ("ControllerDesign", "finished", lambda **flag: dataclasses.replace(DESIGN, **flag)),
     ("Family.on_circle", "everywhere", lambda **flag: rid.guarantee.Family.on_circle(None, **flag)),
     ("Family.verify", "exact", lambda **flag: rid.guarantee.Family.verify(None, **flag)),
     ("MixedProblem", "symmetric", lambda **flag: rid.MixedProblem(frequency=CLASS.frequency, prior=PRIOR, **flag)),

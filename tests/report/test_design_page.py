@@ -10,12 +10,12 @@ import robustid as rid
 from robustid.controllers.controller_design import DesignStatus
 from robustid.controllers.controller_storage import design_again
 from robustid.controllers.plants import Plants
-from robustid.core import StateMatrices, points_of, response_at
+from robustid.core import StateMatrices, Unfinished, points_of, response_at
 from robustid.design import FIR, PID, Bandwidth, Fixed, Improvement, LeadLag, Limits, LowPass, Matrix, Notch
 from robustid.errors import InputError, InputTypeError
 from robustid.report import write_report
 from robustid.report.design_charts import _along, design_chart, nyquist_charts, open_loop_bode
-from robustid.report.design_page import _at, design_verdict, shares_table
+from robustid.report.design_page import _at, design_head, design_verdict, shares_table
 from robustid.report.design_steps import entry_charts, step_chart, step_tubes
 from robustid.report.design_structure import factor_words, structure_rows
 from support.design_cases import DT, band_of, matrix_band_of
@@ -272,11 +272,15 @@ def test_the_closest_controller_of_none_is_kept_and_shown(tmp_path):
     assert (again.status.name, again.bounds) == ("NONE", 0.5)
     assert again.shares["sensitivity peak"][0] > 1.5
     assert design_verdict(again).word == "None found"
-    kept_in_time = design_again((), (), PI, (PID(),), LIMITS, Bandwidth(), 11.0, (), DT, finished=False)
+    kept_in_time = design_again(
+        (), (), PI, (PID(),), LIMITS, Bandwidth(), 11.0, (), DT, unfinished=Unfinished(("search",), False)
+    )
     again = kept(kept_in_time, tmp_path / "early")
     assert (again.status.name, again.finished, again.controller.dt) == ("FOUND", False, DT)
     write_report(again, tmp_path / "page.html")
     assert "before it could be proved" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    stopped = dataclasses.replace(design, unfinished=Unfinished((), True, run="the search"))
+    assert design_head(stopped, None, {}).notice.head == "Interrupted"
 
 
 def test_a_structure_is_said_with_the_signals_or_axes_that_it_stands_between():
