@@ -168,7 +168,7 @@ def test_ctrl_c_keeps_the_controllers_that_were_tried(here, capsys, monkeypatch)
     interrupting(monkeypatch, "loop_bounds", "LoopAxis")  # before there is anything
     code, _, err = words(["loop", ".", "--controller", "near.npz", "-o", "nothing"], capsys, monkeypatch)
     assert code == 130
-    assert "interrupted before the results were written" in err
+    assert "interrupted before its end; nothing more is written" in err
     assert not (here / "nothing.npz").exists()
 
 

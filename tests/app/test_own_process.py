@@ -121,7 +121,7 @@ def test_ctrl_c_ends_a_call_that_hears_nothing(program):
     until(running, " s so far")  # in the call, however late it began
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
-    assert (code, out.splitlines()[-1]) == (130, "interrupted before the results were written")
+    assert (code, out.splitlines()[-1]) == (130, "interrupted before its end; nothing more is written")
 
 
 @pytest.mark.parametrize(("command", "line"), [(LONG, "truncating, "), (COUNTED, "bounding: 3 of 7, ")])
@@ -170,11 +170,14 @@ def test_ctrl_c_is_heard_after_an_import_and_where_nothing_can_be_raised(program
     os.killpg(running.pid, signal.SIGINT)
     code, out = ended(running)
     said = "".join(line for line in out.splitlines(keepends=True) if not re.search("Ctrl-C again|so far", line))
-    assert (code, said) == (130, f"{before}interrupted before the results were written\n")
+    assert (code, said) == (130, f"{before}interrupted before its end; nothing more is written\n")
 
 
 def test_ctrl_c_before_the_command_s_first_line_ends_as_in_it(program):
-    assert ended(program("    raise KeyboardInterrupt")) == (130, "interrupted before the results were written\n")
+    assert ended(program("    raise KeyboardInterrupt")) == (
+        130,
+        "interrupted before its end; nothing more is written\n",
+    )
 
 
 @pytest.mark.parametrize(("command", "code"), [("    sys.exit(3)", 3), ("    pass", 0)])

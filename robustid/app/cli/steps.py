@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 INTERRUPTED = 130  # exit code
-BEFORE_RESULTS = "interrupted before the results were written"
+BEFORE_RESULTS = "interrupted before its end; nothing more is written"
 SILENCE = 2.0  # seconds without a line after which one says that the step goes on
 _OFTEN = 0.1  # seconds between two messages on one step
 
