@@ -7,7 +7,7 @@ Records that nothing was designed from judge the loop.
 
 Data: github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded once, or from the folder that
 ROBUSTID_DATA names.
-Run: python controller_mirror.py --out folder (three minutes; --notches: seven)
+Run: python controller_mirror.py --out folder (three minutes; --notches: three and a half)
 """
 
 import argparse

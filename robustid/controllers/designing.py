@@ -63,7 +63,7 @@ class TimeIsOver(Exception):
 
 
 def ended_early(search: Interruptible) -> Unfinished:
-    """What is said of a search whose time was over, or that Ctrl-C ended."""
+    """Words on a search whose time was over, or that Ctrl-C ended."""
     name = "the search of a controller"
     return Unfinished(() if search.interrupted else (name,), search.interrupted, run=name)
 
