@@ -249,7 +249,7 @@ def _size(part: tuple[Complex | Real, Complex | Real]) -> Real:
 
 
 def _closing(scaling: Scaling, inner: Part) -> tuple[Complex | Real, Complex | Real]:
-    """What is around a scaled Delta."""
+    """Part around a scaled Delta."""
     return scaling.loop(inner[0]), scaling.loop(inner[1])
 
 
@@ -259,7 +259,7 @@ def _scaling(left: Part, right: Part, inner: Part, bound: Real) -> Scaling:
 
 
 def _in_scales(scaling: Scaling, left: Part, right: Part) -> tuple[Part, Part]:
-    """What is before and behind a scaled Delta."""
+    """Parts before and behind a scaled Delta."""
     alpha, beta = np.exp(scaling.rows)[:, None, :], np.exp(scaling.columns)[:, :, None]
     return (left[0] * alpha, left[1] * alpha), (right[0] * beta, right[1] * beta)
 
