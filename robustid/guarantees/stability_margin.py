@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,8 +60,8 @@ class RobustStabilityMargin(Frozen, Drawable):
         many per cent (of a block of several entries, what its worst uncertainty has there).
     edges : (C + 1,) array
         Edges of the cells, rad/s.
-    margins : (C,) array
-        The margin on every cell by itself, at most 5 % below what the condition gives there, or beyond 10 times the least one.
+    condition : Condition or None
+        The left side of the condition, of which `margins` are made; None where the nominal loop is not stable.
     """
 
     margin: float
@@ -69,10 +70,22 @@ class RobustStabilityMargin(Frozen, Drawable):
     structure: str = "full"
     shares: Real = dataclasses.field(default_factory=lambda: np.ones((1, 1)))
     edges: Real = dataclasses.field(default_factory=lambda: np.zeros(1))
-    margins: Real = dataclasses.field(default_factory=lambda: np.zeros(0))
+    condition: Condition | None = None
 
     def __post_init__(self) -> None:
-        self._set(**{name: freeze(getattr(self, name)) for name in ("shares", "edges", "margins")})
+        self._set(**{name: freeze(getattr(self, name)) for name in ("shares", "edges")})
+
+    @functools.cached_property
+    def margins(self) -> Real:
+        """The margin on every cell by itself, (C,), at most 5 % below what the condition gives there, or beyond 10 times the least.
+
+        It is found when it is asked for, which takes up to a few times as long as `margin`.
+        """
+        if self.condition is None:
+            return freeze(np.zeros(self.edges.size - 1))
+        with one_thread():
+            found = self.condition.on_cells(1 / self.margin if np.isfinite(self.margin) else 0.0)
+        return freeze(np.maximum(self.margin, 1 / np.maximum(found, np.finfo(float).tiny)))
 
     def __repr__(self) -> str:
         return f"<RobustStabilityMargin: {self.status.name.lower()}, margin {self.margin:.6g} at {self.frequency:.6g} rad/s>"
@@ -197,17 +210,14 @@ def _margin(
     if np.any(1 - np.abs(poles) <= doubt):
         worst = poles[np.argmax(np.abs(poles))]
         frequency, shares = float(np.abs(np.angle(worst)) / plant.dt), np.zeros((plant.noutputs, plant.ninputs))
-        none = np.zeros(cells.edges.size - 1)
-        return RobustStabilityMargin(0.0, frequency, MarginStatus.UNSTABLE, "full", shares, cells.edges, none)
+        return RobustStabilityMargin(0.0, frequency, MarginStatus.UNSTABLE, "full", shares, cells.edges)
     condition = Condition(loop, cells.angles, bounds, sets=sets)
     gain, angle = condition.largest()
     margin = 1 / gain if gain else np.inf
     status = MarginStatus.GUARANTEED if margin > 1 else MarginStatus.OPEN
     structure, shares = condition.limit(angle)
-    margins = np.maximum(margin, 1 / np.maximum(condition.on_cells(gain), np.finfo(float).tiny))
-    return RobustStabilityMargin(
-        float(margin), float(angle / plant.dt), status, structure, shares, cells.edges, margins
-    )
+    frequency = float(angle / plant.dt)
+    return RobustStabilityMargin(float(margin), frequency, status, structure, shares, cells.edges, condition)
 
 
 def margin_of_circle(

@@ -1,6 +1,7 @@
 """Robust stability margins and structured weights on a page, at the terminal and in figures: against the numbers of the results."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import control
 import numpy as np
@@ -23,12 +24,11 @@ def margin_of(sizes, shares=((1.0,),), *, nyquist=NYQUIST):
     worst = int(np.argmax(sizes))
     status = MarginStatus.GUARANTEED if sizes.max() < 1 else MarginStatus.OPEN
     frequency = float(edges[worst : worst + 2].mean())
-    return RobustStabilityMargin(float(1 / sizes.max()), frequency, status, "entry", np.array(shares), edges, 1 / sizes)
+    condition = SimpleNamespace(on_cells=lambda largest: sizes)
+    return RobustStabilityMargin(float(1 / sizes.max()), frequency, status, "entry", np.array(shares), edges, condition)
 
 
-UNSTABLE = RobustStabilityMargin(
-    0.0, 5.0, MarginStatus.UNSTABLE, "full", np.zeros((1, 1)), np.array([0.0, NYQUIST]), np.zeros(1)
-)
+UNSTABLE = RobustStabilityMargin(0.0, 5.0, MarginStatus.UNSTABLE, "full", np.zeros((1, 1)), np.array([0.0, NYQUIST]))
 
 
 def test_the_upper_bound_is_the_reciprocal_of_the_margins_with_its_largest_value_marked():
