@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 import math
 from collections.abc import Mapping
@@ -104,10 +105,10 @@ def _computable(
     run: RunFile, problem: MixedProblem, left: Untouched, data: Measured, asked: Modes
 ) -> tuple[RunFile, MixedProblem, Untouched]:
     """The same where some form of the chosen class takes all points; else with one of so many of them, and the rest as tests."""
-    how = {"form": run.identify.form, "accuracy": run.identify.accuracy}
-    if computable_step(problem, **how) == 1:
+    step = functools.partial(computable_step, form=run.identify.form, accuracy=run.identify.accuracy)
+    if step(problem) == 1:
         return run, problem, left
-    every = computable_step(dataclasses.replace(problem, frequency=data.responses), **how)
+    every = step(dataclasses.replace(problem, frequency=data.responses))
     run, fewer, left = told_apart(with_step(run, every), data, asked)
     return run, dataclasses.replace(inflated_problem(fewer, run), prior=problem.prior), left
 
