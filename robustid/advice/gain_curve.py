@@ -172,7 +172,7 @@ def default_rates(problem: MixedProblem) -> Real:
 
 
 def computable_step(problem: MixedProblem, *, form: str = "auto", accuracy: float = 1e-4) -> int:
-    """One of so many frequency points leave a problem that is not too large; 1 where all do, or too few would be left.
+    """The least step between frequency points that leaves a problem that is not too large; 1 where it would leave too few.
 
     Points over decades in a class that decays slowly need a coefficient for every number that was measured.
     """
@@ -183,7 +183,7 @@ def computable_step(problem: MixedProblem, *, form: str = "auto", accuracy: floa
 
 
 def _of_fewest(problem: MixedProblem, found: Callable[[MixedProblem], T]) -> tuple[int, T]:
-    """What is found of all frequency points, or of one of so many where more are too large; and of how many."""
+    """The step between frequency points, 1 where a problem of all is not too large, and a finding about that problem."""
     most, step = min((frf.omega.size for frf in problem.frequency), default=0) // _FEWEST, 1
     while True:
         part = tuple(frf.select(slice(None, None, step)) for frf in problem.frequency)
