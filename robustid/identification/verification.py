@@ -56,7 +56,7 @@ class Claim:
 
 
 class About(enum.Enum):
-    """What a check is of: the answer about the data, which the margin and its proof are, or the model beside it."""
+    """Subject of a check: the answer about the data, which the margin and its proof are, or the model beside it."""
 
     DATA = "data"
     MODEL = "model"
