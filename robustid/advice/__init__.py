@@ -6,7 +6,7 @@ from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
 from robustid.advice.experiment_corrections import Experiment, experiments, without_experiments
-from robustid.advice.gain_curve import possible_rates
+from robustid.advice.gain_curve import computable_step, possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.kept_gains import KeptGains
 from robustid.advice.model_class import suggest_class
@@ -44,6 +44,7 @@ __all__ = [
     "Sensitivity",
     "Variation",
     "common_modes",
+    "computable_step",
     "content",
     "contradiction_faults",
     "diagnose",

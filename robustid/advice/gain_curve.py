@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,9 +17,11 @@ from robustid.identification import MixedProblem, Prior
 from robustid.identification.formulation import formulate
 
 _log = logging.getLogger("robustid")
+T = TypeVar("T")
 
 SAFETY = 2.0  # recommended gain bound over the smallest one
 FEW = 40  # frequency points (over the root of the entries) that stand for more of them
+_FEWEST = 10  # frequency points of a response that are left where not all can be computed with
 _RATES = 9
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
@@ -123,8 +125,11 @@ def lighter(problem: MixedProblem, part: MixedProblem, rho: float) -> MixedProbl
 
 
 def possible_rates(problem: MixedProblem) -> Real:
-    """The default decay rates, those left out at which many data, or matrices, need too many coefficients."""
-    return possible(problem, default_rates(problem))
+    """The default decay rates, those left out at which many data, or matrices, need too many coefficients.
+
+    Where all points need too many at every rate, those of as few points as can be computed with.
+    """
+    return _of_fewest(problem, lambda part: possible(part, default_rates(problem)))[1]
 
 
 def possible(problem: MixedProblem, rates: Real) -> Real:
@@ -164,3 +169,27 @@ def default_rates(problem: MixedProblem) -> Real:
     high = min(max(widest), 0.3)
     low = float(np.clip(min(finest), high / 300, high / 8))
     return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
+
+
+def computable_step(problem: MixedProblem, *, form: str = "auto", accuracy: float = 1e-4) -> int:
+    """The least step between frequency points that leaves a problem that is not too large; 1 where it would leave too few.
+
+    Points over decades in a class that decays slowly need a coefficient for every number that was measured.
+    """
+    try:
+        return _of_fewest(problem, lambda part: formulate(part, form, accuracy))[0]
+    except SizeError:
+        return 1
+
+
+def _of_fewest(problem: MixedProblem, found: Callable[[MixedProblem], T]) -> tuple[int, T]:
+    """The step between frequency points, 1 where a problem of all is not too large, and a finding about that problem."""
+    most, step = min((frf.omega.size for frf in problem.frequency), default=0) // _FEWEST, 1
+    while True:
+        part = tuple(frf.select(slice(None, None, step)) for frf in problem.frequency)
+        try:
+            return step, found(problem if step == 1 else dataclasses.replace(problem, frequency=part))
+        except SizeError:
+            step += 1
+            if step > most:
+                raise

@@ -8,16 +8,7 @@ import logging
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.advice.gain_curve import (
-    FEW,
-    SAFETY,
-    GainCurve,
-    default_rates,
-    lighter,
-    possible,
-    possible_rates,
-    smallest_gains,
-)
+from robustid.advice.gain_curve import FEW, SAFETY, GainCurve, default_rates, lighter, possible, smallest_gains
 from robustid.advice.kept_gains import KeptGains
 from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.advice.smallest_gain import (
@@ -204,7 +195,7 @@ def useful_prior(
     Gains only grow with the points that join: the search ends as soon as every one exceeds the largest response.
     """
     try:
-        rates = possible_rates(problem)
+        rates = possible(problem, default_rates(problem))
     except SizeError:  # with a smaller gain bound it may not be too large
         rates = None
     budget = Budget(time_limit, progress, "looking for a prior")

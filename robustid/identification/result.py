@@ -289,7 +289,7 @@ class Identification(Frozen, Drawable, Savable):
         if not self.consistent:
             raise InconsistentDataError(f"{self.status.value} (margin {self.margin:.6g} > 1)")
         if not self.verification.passed:
-            failed = ", ".join(c.name for c in self.verification.checks if not c.holds)
+            failed = ", ".join(check.name for check in self.verification.failed)
             raise SolverError(f"the model failed its verification: {failed}")
         return self
 

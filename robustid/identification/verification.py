@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +55,21 @@ class Claim:
         return Status.UNDECIDED if self.width <= self.accuracy else Status.FAILED
 
 
+class About(enum.Enum):
+    """Subject of a check: the answer about the data, which the margin and its proof are, or the model beside it."""
+
+    DATA = "data"
+    MODEL = "model"
+
+
 @dataclasses.dataclass(frozen=True)
 class Check:
-    """One claim: its name, the number measured, and its limit."""
+    """One claim: its name, the number measured, its limit, and what it is about."""
 
     name: str
     measured: float
     limit: float
+    about: About = About.MODEL
 
     @property
     def holds(self) -> bool:
@@ -78,7 +87,17 @@ class Verification:
     @property
     def passed(self) -> bool:
         """Say whether every check holds."""
-        return all(check.holds for check in self.checks)
+        return not self.failed
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that don't hold."""
+        return tuple(check for check in self.checks if not check.holds)
+
+    @property
+    def answered(self) -> bool:
+        """Say whether the answer about the data is verified, even where the model is not."""
+        return all(check.about is About.MODEL for check in self.failed)
 
 
 def verify(
@@ -98,12 +117,13 @@ def verify(
         Check(data.sarason.inside, data.sarason.norm(point.x), 1.0),
         *_interval_checks(problem, data, point),
         *_model_checks(formulation, point, nominal),
-        Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12),
-        Check("width of the proven interval of the margin", claim.width, claim.accuracy),
+        Check("margin, at the system that reaches it", reached, claim.margin * (1 + 1e-9) + 1e-12, About.DATA),
+        Check("width of the proven interval of the margin", claim.width, claim.accuracy, About.DATA),
         Check(
             "certificate: stated minus recomputed",
             0.0 if claim.certificate.verify(claimed.rows, claimed.sarason) else np.inf,
             0.0,
+            About.DATA,
         ),
     ]
     return Verification(tuple(checks), tuple(residuals))

@@ -297,8 +297,11 @@ def certificates(count: int, hold: bool, id: str) -> Verdict:
     sentence = (
         f"All {count} certificates were evaluated again for this page, without a solver: each supports its bound."
     )
-    otherwise = f"Not all of the {count} certificates support their bounds, evaluated again for this page."
-    return proved(hold, sentence, f"{otherwise} Don’t rely on these numbers.", id)
+    otherwise = (
+        f"Not all of the {count} certificates support their bounds, evaluated again for this page: without its certificate"
+        " a number is what a solver returned, not a bound. `robustid verify` names which; compute them again."
+    )
+    return proved(hold, sentence, otherwise, id)
 
 
 def unfinished_notice(unfinished: Unfinished | None) -> Text | None:

@@ -240,14 +240,6 @@ def refuted(identification: Identification) -> bool:
 def _said(identification: Identification) -> tuple[str, str, str]:
     """Key, word and sentence of the verdict."""
     count, status, of = identification.problem.samples, identification.status, scope(identification)
-    if status is not Status.FAILED and not identification.verification.passed:
-        failed = "; ".join(c.name for c in identification.verification.checks if not c.holds)
-        return (
-            "failed",
-            "Not verified",
-            f"The solver's answer was “{status.name.lower()}”, but the numbers don't support"
-            f" it: {failed}. Don't rely on this result.",
-        )
     sentences = {
         Status.CONSISTENT: f"A system of the assumed class keeps all {count} samples within their bounds.",
         Status.INCONSISTENT: f"It is proved that no system of the assumed class keeps all {count} samples within"
@@ -255,12 +247,34 @@ def _said(identification: Identification) -> tuple[str, str, str]:
         Status.UNDECIDED: "The proven interval of the margin contains 1: ask for a smaller `accuracy`.",
         Status.FAILED: "No solver returned numbers that could be verified to the accuracy asked.",
     }
+    if status is not Status.FAILED and not identification.verification.passed:
+        return "failed", "Not verified", _unverified(identification, sentences[status])
     if status is Status.CONSISTENT and identification.warnings:
         return "weak", f"Consistent{of}, but the class says little", sentences[status]
     if status is Status.CONSISTENT:
         key = "weak" if identification.problem.open_faults else "consistent"
         return key, f"Consistent{of}", sentences[status]
     return status.name.lower(), status.name.capitalize(), sentences[status]
+
+
+def _unverified(identification: Identification, found: str) -> str:
+    """Say what of `found` was verified and what was not, and what that means to whoever wanted it."""
+    found, verification = found.rstrip("."), identification.verification
+    misses = "; ".join(
+        f"{check.name}, {number(check.measured, 3)} where {number(check.limit, 6)} is the limit"
+        for check in verification.failed
+    )
+    if verification.answered:
+        return (
+            f"Verified from the numbers: {found[0].lower()}{found[1:]}. Not verified: the model that is written with this answer"
+            f" ({misses}). What is said of the data stands; the model is no better than these numbers, and no band was computed"
+            " around it. Another `form` or `solver` writes it in another way."
+        )
+    return (
+        f"The solver's answer was “{identification.status.name.lower()}”, but its numbers don't prove it ({misses}):"
+        " neither that the data fit the class nor that they contradict it. Another `solver` or `form`, or a larger"
+        " `accuracy`, asks the question again."
+    )
 
 
 def margin_interval(identification: Identification) -> str:

@@ -179,7 +179,10 @@ def box_verdict(band: WorstCaseOverPoles, holds: bool | None = None) -> Verdict:
     """Verdict on the cells, which must cover the box, and on the certificates, which must support their bounds now."""
     if band.covered:
         return certificates(band.claim_count, band.verify() if holds is None else holds, "box-certificates")
-    sentence = "The cells leave out a part of the box. Don’t rely on these numbers."
+    sentence = (
+        "The cells leave out a part of the box: the numbers are about poles inside the cells alone, and poles in the rest of the"
+        " box may give larger errors."
+    )
     return Verdict("failed", "Not proved", sentence, id="box-certificates")
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.advice import gain_curve, kept_gains, prior, says_something, suggest_prior, useful_prior
+from robustid.advice import computable_step, gain_curve, kept_gains, prior, says_something, suggest_prior, useful_prior
 from robustid.advice.sensitivity import guaranteed
 from robustid.advice.smallest_gain import missed, selected, thinned
 from robustid.errors import InputTypeError, SizeError
+from robustid.identification.formulation import formulate
 from support.cases import seeds
 from support.refusals import refusals
 from support.structure import ANY, about_structure, structure_problem
@@ -286,6 +287,20 @@ def test_a_search_for_a_useful_class_ends_early_and_decides_as_the_whole_one(mon
         saved += len(asked) < all_asked
     assert 0.15 * count < sum(said) < 0.85 * count
     assert saved > 0.15 * count
+
+
+def test_the_fewest_points_are_left_out_with_which_some_form_takes_a_class_that_decays_slowly():
+    frf = rid.FrequencyResponse(np.geomspace(10, 1e5, 240), np.ones((240, 2, 2)), bound=0.1)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay=20.0))
+    step = computable_step(problem)
+    assert step > 1
+    for part in range(1, step):
+        with pytest.raises(SizeError):
+            formulate(dataclasses.replace(problem, frequency=frf.select(slice(None, None, part))))
+    few = dataclasses.replace(problem, frequency=frf.select(slice(None, None, step)))
+    formulate(few)
+    assert computable_step(few) == 1
+    assert computable_step(problem.with_prior(gain_bound=2.0, rate=1e4)) == 1
 
 
 def test_a_search_for_a_useful_class_tries_only_decay_rates_that_all_points_can_be_posed_with():

@@ -99,3 +99,21 @@ def test_integrators_that_the_program_chose_go_too_and_stated_ones_stay():
     assert without_mode(modes, INTEGRATOR).integrators == 1
     assert superfluous(modes, Modes(integrators=2), problem) == 0
     assert superfluous(modes, Modes(hz=(20.0,), damping=(0.01,)), problem) is None
+
+
+def test_more_points_than_any_form_takes_never_end_a_run_that_chooses_its_class(monkeypatch):
+    """Of 24 points six are taken: every fourth is used, the others test, those too that were to be kept out anyway."""
+
+    def step_to_6(problem, **_):
+        return -(-problem.frequency[0].omega.size // 6)
+
+    monkeypatch.setattr("robustid.app.run.posing.computable_step", step_to_6)
+    omega = np.linspace(20.0, 300.0, 24)
+    data = Measured((rid.FrequencyResponse(omega, 1e4 / (100.0**2 - omega**2 + 2j * omega), bound=0.05, dt=DT),), ())
+    run, problem, left = of_data(data, modes={"hz": [100 / (2 * np.pi)], "damping": [0.01]})
+    assert run.frequency_points.every == 4
+    assert "One of 4 frequency points is used" in run.prior.note
+    np.testing.assert_array_equal(problem.frequency[0].omega, omega[::4])
+    np.testing.assert_array_equal(np.sort([*omega[::4], *left.points[0].omega]), omega)
+    assert problem.prior == run.prior.stated(DT)
+    assert rid.identify(problem).margin < np.inf

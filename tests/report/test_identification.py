@@ -84,15 +84,24 @@ def test_undecided_and_unverified_results_are_not_called_consistent(simple):
     claim = dataclasses.replace(simple.claim, margin=1 + 1e-6, certificate=certificate)
     undecided = dataclasses.replace(simple, claim=claim)
     assert identification_verdict(undecided).word == "Undecided"
-    check = dataclasses.replace(simple.verification.checks[0], measured=np.inf)
-    broken = dataclasses.replace(simple.verification, checks=(check, *simple.verification.checks[1:]))
-    false = dataclasses.replace(simple, claim=dataclasses.replace(claim, margin=1.0), verification=broken)
-    assert false.status is rid.Status.CONSISTENT
-    for text in (Page(render_report(false)).text, printed(false)):
-        assert "Not verified" in text
-        assert check.name in text
-    assert "✗ fails" in Page(render_report(false)).text
-    assert "FAILS" in printed(false)
+    for k, answered in (
+        (0, True),
+        (len(simple.verification.checks) - 1, False),
+    ):  # the model; the certificate of the margin
+        checks = list(simple.verification.checks)
+        checks[k] = dataclasses.replace(checks[k], measured=np.inf)
+        broken = dataclasses.replace(simple.verification, checks=tuple(checks))
+        false = dataclasses.replace(simple, claim=dataclasses.replace(claim, margin=1.0), verification=broken)
+        assert false.status is rid.Status.CONSISTENT
+        assert false.verification.answered == answered
+        page = Page(render_report(false)).text
+        for text in (page, " ".join(printed(false).replace("│", " ").split())):
+            assert "Not verified" in text
+            assert checks[k].name in text
+            assert ("keeps all" in text) == ("What is said of the data stands" in text) == answered
+            assert ("neither that the data fit the class" in text) == (not answered)
+        assert "✗ fails" in page
+        assert "FAILS" in printed(false)
 
 
 def test_a_class_that_says_little_is_amber_and_warned_of(consistent):

@@ -43,6 +43,10 @@ FREE = (
     "integrators = {count}: the response rises towards low frequencies, and beside the modes alone no class that says anything"
     " holds the data; beside {count} pole{s} at z = 1 one does."
 )
+FEWER = (
+    "One of {every} frequency points is used, the others test what is found: in this class, which decays slowly beside the range of"
+    " the points, all of them need more coefficients than can be computed with."
+)
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
 _LARGE = 100.0  # times the largest response: one that holds whatever does not contradict itself
 SPARE = 1.1  # beyond the smallest inflation of the bounds
@@ -61,6 +65,12 @@ def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyRespon
         for hz in run.modes.hz or ():
             used |= np.abs(frf.freq_hz - hz) <= asked.near_hz
     return frf.select(used), None if used.all() else frf.select(~used)
+
+
+def with_step(run: RunFile, every: int) -> RunFile:
+    """The run file with one of so many frequency points; the others test what is found."""
+    note = f"{run.prior.note}\n{FEWER.format(every=every)}"
+    return run.changed("prior", note=note).changed("frequency_points", every=every)
 
 
 def with_inflation(run: RunFile, problem: MixedProblem, around: Surroundings) -> RunFile:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 import math
 from collections.abc import Mapping
 
-from robustid.advice import Experiment
+from robustid.advice import Experiment, computable_step
 from robustid.app.run.class_choice import (
     chosen_points,
     inflated,
@@ -15,6 +16,7 @@ from robustid.app.run.class_choice import (
     placeholder,
     with_inflation,
     with_prior,
+    with_step,
 )
 from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.fewer_modes import without_dependent
@@ -91,9 +93,24 @@ def _posed(
     run = with_inflation(run, problem, around)
     problem = inflated_problem(problem, run)
     folder.choices(run)
+    stated = run.prior.is_stated
     run, problem = with_prior(run, problem, around, reference=reference)
+    if not stated and run.frequency_points.every == 1:
+        run, problem, left = _computable(run, problem, left, data, asked)
     folder.choices(run)
     return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
+
+
+def _computable(
+    run: RunFile, problem: MixedProblem, left: Untouched, data: Measured, asked: Modes
+) -> tuple[RunFile, MixedProblem, Untouched]:
+    """The same where some form of the chosen class takes all points; else with one of so many of them, and the rest as tests."""
+    step = functools.partial(computable_step, form=run.identify.form, accuracy=run.identify.accuracy)
+    if step(problem) == 1:
+        return run, problem, left
+    every = step(dataclasses.replace(problem, frequency=data.responses))
+    run, fewer, left = told_apart(with_step(run, every), data, asked)
+    return run, dataclasses.replace(inflated_problem(fewer, run), prior=problem.prior), left
 
 
 def told_apart(run: RunFile, data: Measured, asked: Modes) -> tuple[RunFile, MixedProblem, Untouched]:

@@ -87,7 +87,7 @@ class State:
         self.program, self.at = program, at
         cones = program.cones
         self.S, self.s = slacks(program, at.v, at.t)
-        if min(cones.determinant(self.s).min(initial=1), cones.determinant(at.z).min(initial=1)) <= 0:
+        if not all(cones.determinant(one).min(initial=1) > 0 for one in (self.s, at.z)):  # NaN is no inside either
             raise np.linalg.LinAlgError("a sample has left its cone")
         self.root_S = [cholesky(S) for S in self.S]
         self.root_Z = [cholesky(Z) for Z in at.Z]
@@ -128,6 +128,8 @@ class State:
             if program.cost is not None:
                 inside = self._bordered(inside)
             self.matrix = inside
+            if not np.diag(inside).min(initial=1) > 0:
+                raise np.linalg.LinAlgError("a curvature has lost its digits")
             self.scale = 1 / np.sqrt(np.diag(inside))
             self._solve = _solver(inside * self.scale * self.scale[:, None])
         self._factored = True
