@@ -189,7 +189,7 @@ class PairMap(SarasonMap):
 
     @functools.cached_property
     def _by_quadrature(self) -> QuadratureMap | None:
-        """What takes n^3 work for the curvature in place of n^4; None where the nodes don't allow it."""
+        """A map with n^3 work for the curvature in place of n^4; None where the nodes don't allow it."""
         return QuadratureMap.of(self.pair, self.symmetry)
 
     def _quick_map(self) -> SymmetricMap:

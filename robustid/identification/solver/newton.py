@@ -203,17 +203,17 @@ class State:
 
     def longest_steps(self, d: Direction) -> tuple[float, float]:
         """Steps of the primal and of the dual part to the border of the cones; 1.2 where they are longer."""
-        cones = self.program.cones
+        return self.longest_primal(d), self._longest(self.at.z, d.dz, self.root_Z, d.dZ, self.at.Z)
 
-        def within(enough: float, roots: list[Real], directions: list[Real], whole: list[Real]) -> float:
-            for root, direction, M in zip(roots, directions, whole, strict=True):
-                step = longest_step(root, direction, enough if self.program.quick else _FULL, M)
-                enough = min(enough, step)
-            return enough
+    def longest_primal(self, d: Direction) -> float:
+        """The step of the primal part alone."""
+        return self._longest(self.s, d.ds, self.root_S, d.dS, self.S)
 
-        primal = within(min(cones.longest_step(self.s, d.ds), _FULL), self.root_S, d.dS, self.S)
-        dual = within(min(cones.longest_step(self.at.z, d.dz), _FULL), self.root_Z, d.dZ, self.at.Z)
-        return primal, dual
+    def _longest(self, s: Pair, ds: Pair, roots: list[Real], directions: list[Real], whole: list[Real]) -> float:
+        enough = min(self.program.cones.longest_step(s, ds), _FULL)
+        for root, direction, M in zip(roots, directions, whole, strict=True):
+            enough = min(enough, longest_step(root, direction, enough if self.program.quick else _FULL, M))
+        return enough
 
     def gap_after(self, d: Direction, primal: float, dual: float) -> float:
         """<s, z> after a step."""
