@@ -7,12 +7,15 @@ every such ratio without zeros and poles on x >= 0 belongs to a stable minimum-p
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 # A step aims no farther than this in |W|^2, where linear programs in double precision still tell the ends apart.
 _REACH = np.log(1e6)
@@ -22,7 +25,10 @@ _CLOSE = 4e-3  # in log |W|^2: bisection ends here
 _FREE = 100.0
 _ZERO = 1e-9  # what a linear program calls zero
 _POINTS = 240
+_SPREAD = 4  # rows of each kind that a program begins with, for every coefficient: more cost time, fewer cost rounds
+_TIGHT = 1e-6  # a row is tight from here on
 _NONE = np.zeros(0)
+Rows = NDArray[np.intp]
 
 
 class Magnitude(NamedTuple):
@@ -30,6 +36,14 @@ class Magnitude(NamedTuple):
 
     zeros: Complex
     poles: Complex
+
+
+class Near(NamedTuple):
+    """Points x at which the last program was tight: from below, from above, and in size."""
+
+    below: Real
+    above: Real
+    size: Real
 
 
 class Grid(NamedTuple):
@@ -73,13 +87,13 @@ def improve(magnitude: Magnitude, angles: Real, bound: Real) -> Magnitude:
     """
     # Each program is posed in the partial fractions of the best roots so far, in which n'/n and d'/d are near one however steep
     # the bound is.
-    grid = grid_of(angles, bound, magnitude)
+    grid, near = grid_of(angles, bound, magnitude), Near(_NONE, _NONE, _NONE)
     least, reached = float((grid.low - grid.high).max()), _looseness(magnitude, grid)
     opened = least
     for _ in range(_STEPS):
         closing = reached - least <= _CLOSE
         aim = reached if closing else (least + reached) / 2
-        found, crossings = _step(magnitude, grid, aim)
+        found, crossings, near = _step(magnitude, grid, aim, near)
         # Points at the resonances that the step has moved: what looked good between the old points is judged there.
         grid = _merged(grid, grid_of(angles, bound, found or magnitude, crossings))
         before = _looseness(magnitude, grid)
@@ -137,8 +151,8 @@ def raised(magnitude: Magnitude, angles: Real) -> Magnitude:
     return Magnitude(*(np.concatenate([roots, root]) for roots in magnitude))
 
 
-def _step(magnitude: Magnitude, grid: Grid, aim: float) -> tuple[Magnitude | None, Real]:
-    """A magnitude of looseness exp(aim), None where there is none; and points x where it has a zero or pole on the circle.
+def _step(magnitude: Magnitude, grid: Grid, aim: float, near: Near) -> tuple[Magnitude | None, Real, Near]:
+    """A magnitude of looseness exp(aim), None where there is none; points x where it has a zero or pole on the circle; new `near`.
 
     With such points, what is returned lies on the way there, as far as there are none.
     """
@@ -148,19 +162,21 @@ def _step(magnitude: Magnitude, grid: Grid, aim: float) -> tuple[Magnitude | Non
     share = min(1.0, _REACH / max(looseness, _REACH))
     low, high = np.exp(share * (values - grid.low)), np.exp(share * (values - grid.high - aim))
     bases = [_fractions(roots, grid.x) for roots in magnitude]
-    weights = _program(bases[0], bases[1], low, high)
+    starts = [np.minimum(np.searchsorted(grid.x, points), grid.x.size - 1) for points in near]
+    weights, tight = _program(bases[0], bases[1], low, high, starts)
+    near = Near(*(grid.x[rows] for rows in tight))
     if weights is None:
-        return None, _NONE
+        return None, _NONE, near
     crossings, still = _NONE, np.eye(1, bases[0].shape[1])[0]
     for part in (1.0, 0.5, 0.25, 0.1):
         columns = [part * column + (1 - part) * still for column in weights]
         moved = [_roots(roots, column) for roots, column in zip(magnitude, columns, strict=True)]
         bad = [np.real(roots[(np.imag(roots) == 0) & (np.real(roots) >= 0)]) for roots in moved]
         if not any(points.size for points in bad):
-            return Magnitude(*moved), crossings
+            return Magnitude(*moved), crossings, near
         if part == 1.0:
             crossings = np.concatenate(bad)
-    return magnitude, crossings
+    return magnitude, crossings, near
 
 
 def _fractions(roots: Complex, x: Real) -> Real:
@@ -200,11 +216,13 @@ def _roots(roots: Complex, weights: Real) -> Complex:
     return found[np.imag(found) >= 0].astype(complex)
 
 
-def _program(top: Real, bottom: Real, low: Real, high: Real) -> tuple[Real, Real] | None:
+def _program(
+    top: Real, bottom: Real, low: Real, high: Real, starts: Sequence[Rows]
+) -> tuple[tuple[Real, Real] | None, list[Rows]]:
     """Weights of n'/n and d'/d: ``min t``, ``d' <= low n'``, ``high n' - d' <= t``, ``d' <= 1``; None where t < 0 is impossible.
 
-    Only the rows that matter are given to the program; those that its solution violates most, one of each run of neighbours,
-    are added until none is left.
+    Only the rows that matter are given to the program, first some everywhere and `starts`; those that its solution violates most,
+    one of each run of neighbours, are added until none is left. Those that its last solution meets are returned too.
     """
     import scipy.optimize
 
@@ -215,8 +233,8 @@ def _program(top: Real, bottom: Real, low: Real, high: Real) -> tuple[Real, Real
         np.hstack([np.zeros_like(top), bottom, np.zeros((m, 1))]),
     ]
     right = [np.zeros(m), np.zeros(m), np.ones(m)]
-    start = np.unique(np.linspace(0, m - 1, min(m, 8 * k)).astype(int))
-    chosen = [start, np.union1d(start, [np.argmax(high)]), start]
+    start = np.unique(np.linspace(0, m - 1, min(m, _SPREAD * k)).astype(int))
+    chosen = [np.union1d(start, rows) for rows in (starts[0], np.append(starts[1], np.argmax(high)), starts[2])]
     cost = np.eye(1, 2 * k + 1, 2 * k)[0]
     solution = np.zeros(2 * k + 1)
     for _ in range(30):
@@ -231,15 +249,17 @@ def _program(top: Real, bottom: Real, low: Real, high: Real) -> tuple[Real, Real
         if found.x is None:
             break
         solution = found.x
-        fresh = [np.setdiff1d(_peaks(r @ solution - b), c) for r, b, c in zip(rows, right, chosen, strict=True)]
+        least = np.clip(-solution[-1] / 10, _ZERO, 1e-8)  # what is small beside the gain of the step
+        fresh = [np.setdiff1d(_peaks(r @ solution - b, least), c) for r, b, c in zip(rows, right, chosen, strict=True)]
         if not any(points.size for points in fresh):
             break
         chosen = [np.union1d(c, points) for c, points in zip(chosen, fresh, strict=True)]
-    return (solution[:k], solution[k:-1]) if solution[-1] < -_ZERO else None
+    tight = [c[(r[c] @ solution - b[c]) > -_TIGHT] for r, b, c in zip(rows, right, chosen, strict=True)]
+    return ((solution[:k], solution[k:-1]) if solution[-1] < -_ZERO else None), tight
 
 
-def _peaks(excess: Real) -> NDArray[np.intp]:
-    """Index of the largest excess of every run of violated rows."""
+def _peaks(excess: Real, least: float) -> Rows:
+    """Index of the largest excess of every run of rows that are violated by more than `least`."""
     inner = np.concatenate([[-np.inf], excess, [-np.inf]])
-    top = (inner[1:-1] > 1e-8) & (inner[1:-1] >= inner[:-2]) & (inner[1:-1] >= inner[2:])
+    top = (inner[1:-1] > least) & (inner[1:-1] >= inner[:-2]) & (inner[1:-1] >= inner[2:])
     return np.flatnonzero(top)

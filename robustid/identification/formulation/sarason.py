@@ -187,11 +187,16 @@ class PairMap(SarasonMap):
     pair: InputNormalPair
     entries: Entries = SINGLE
 
+    @functools.cached_property
+    def _by_quadrature(self) -> QuadratureMap | None:
+        """A map with n^3 work for the curvature in place of n^4; None where the nodes don't allow it."""
+        return QuadratureMap.of(self.pair, self.symmetry)
+
     def _quick_map(self) -> SymmetricMap:
-        """By quadrature, n^3 work for the curvature in place of n^4, where the nodes allow it."""
-        return QuadratureMap.of(self.pair, self.symmetry) or self._symmetric_map()
+        """By quadrature, where the nodes allow it."""
+        return self._by_quadrature or self._symmetric_map()
 
     def _products(self) -> EntryProducts:
         """By quadrature too."""
-        found = QuadratureMap.of(self.pair, self.symmetry)
+        found = self._by_quadrature
         return super()._products() if found is None else found.products()

@@ -92,7 +92,7 @@ def center(program: Program, v: Real, budget: Budget | None = None) -> Iterate:
             break
         try:
             state.factorise()
-            step = state.direction([0 * Z for Z in at.Z], (0 * at.z[0], 0 * at.z[1]))
+            step = state.direction([0 * Z for Z in at.Z], (0 * at.z[0], 0 * at.z[1]), state.residual)
         except np.linalg.LinAlgError:
             break
         decrement = float(-state.residual @ step.dv)
@@ -102,7 +102,7 @@ def center(program: Program, v: Real, budget: Budget | None = None) -> Iterate:
         # The damped step of self-concordance always descends; longer ones are kept while the barrier falls along them.
         damped, size = 1 / (1 + np.sqrt(decrement)), 1.0
         if decrement > _NEAR:
-            size = min(1.0, 0.95 * state.longest_steps(step)[0])
+            size = min(1.0, 0.95 * state.longest_primal(step))
         ahead = _on_barrier(program, at.v + size * step.dv)
         while size > damped and (ahead is None or ahead.residual @ step.dv > 0.5 * decrement):
             size = max(damped, size / 2)

@@ -91,7 +91,6 @@ class State:
             raise np.linalg.LinAlgError("a sample has left its cone")
         self.root_S = [cholesky(S) for S in self.S]
         self.root_Z = [cholesky(Z) for Z in at.Z]
-        self.inverse = [inverse_of(root) for root in self.root_S]
         at.gap = inner(cones, self.S, at.Z, self.s, at.z)
         self.mu = at.gap / program.degree
         self.residual = self._dual_residual(at.Z, at.z, program.linear, program.cost)
@@ -99,6 +98,11 @@ class State:
         self.scaling = Scaling(cones, self.s, at.z)
         if not cones.determinant(self.scaling.point).min(initial=1) > 0:
             raise np.linalg.LinAlgError("a scaled point has lost its digits")
+
+    @functools.cached_property
+    def inverse(self) -> list[Real]:
+        """The S^-1: of the last state of a path nobody asks for them."""
+        return [inverse_of(root) for root in self.root_S]
 
     def _dual_residual(self, Z: list[Real], z: Pair, linear: Real | float, cost: float | None) -> Real:
         """Gradient of the Lagrangian in (v, t) at multipliers (Z, z)."""
@@ -162,11 +166,15 @@ class State:
             found = found + self.scale * self._solve(self.scale * rest)
         return found
 
-    def direction(self, target: list[Real], aim: Pair) -> Direction:
-        """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step."""
+    def direction(self, target: list[Real], aim: Pair, gradient: Real | None = None) -> Direction:
+        """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step.
+
+        `gradient`: of the Lagrangian at the multipliers plus (target, aim), where it is known.
+        """
         program, at, n = self.program, self.at, self.program.ball.size
-        missing = self._dual_residual(target, aim, 0.0, 0.0)
-        step = self.solve(-self.residual - missing)
+        if gradient is None:
+            gradient = self.residual + self._dual_residual(target, aim, 0.0, 0.0)
+        step = self.solve(-gradient)
         dv, dt = (step, 0.0) if program.cost is None else (step[:-1], float(step[-1]))
         grow = program.limits.ball[1] * dt
         matrices, products = program.ball.both(dv[:n], self.inverse)
@@ -178,8 +186,10 @@ class State:
         return Direction(dv, dt, dS, dZ, turned, ds, (aim[0] - back[0], aim[1] - back[1]))
 
     def affine(self) -> Direction:
-        """Straight to complementarity zero."""
-        return self.direction([-Z for Z in self.at.Z], (-self.at.z[0], -self.at.z[1]))
+        """Straight to complementarity zero: multipliers that leave the objective alone."""
+        linear, cost = self.program.linear, self.program.cost
+        gradient = linear if cost is None else np.append(linear, cost)
+        return self.direction([-Z for Z in self.at.Z], (-self.at.z[0], -self.at.z[1]), gradient)
 
     def centring(self, mu: float, affine: Direction) -> Direction:
         """To the point mu of the central path, with Mehrotra's second-order correction by the affine direction."""
@@ -195,17 +205,17 @@ class State:
 
     def longest_steps(self, d: Direction) -> tuple[float, float]:
         """Steps of the primal and of the dual part to the border of the cones; 1.2 where they are longer."""
-        cones = self.program.cones
+        return self.longest_primal(d), self._longest(self.at.z, d.dz, self.root_Z, d.dZ, self.at.Z)
 
-        def within(enough: float, roots: list[Real], directions: list[Real], whole: list[Real]) -> float:
-            for root, direction, M in zip(roots, directions, whole, strict=True):
-                step = longest_step(root, direction, enough if self.program.quick else _FULL, M)
-                enough = min(enough, step)
-            return enough
+    def longest_primal(self, d: Direction) -> float:
+        """The step of the primal part alone."""
+        return self._longest(self.s, d.ds, self.root_S, d.dS, self.S)
 
-        primal = within(min(cones.longest_step(self.s, d.ds), _FULL), self.root_S, d.dS, self.S)
-        dual = within(min(cones.longest_step(self.at.z, d.dz), _FULL), self.root_Z, d.dZ, self.at.Z)
-        return primal, dual
+    def _longest(self, s: Pair, ds: Pair, roots: list[Real], directions: list[Real], whole: list[Real]) -> float:
+        enough = min(self.program.cones.longest_step(s, ds), _FULL)
+        for root, direction, M in zip(roots, directions, whole, strict=True):
+            enough = min(enough, longest_step(root, direction, enough if self.program.quick else _FULL, M))
+        return enough
 
     def gap_after(self, d: Direction, primal: float, dual: float) -> float:
         """<s, z> after a step."""
