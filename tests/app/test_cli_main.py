@@ -102,7 +102,7 @@ def test_an_unknown_command_is_named_with_the_nearest(run):
         (ZeroDivisionError("oops"), 70, "internal error, please report"),
     ],
 )
-def test_every_ending_has_its_code_and_leaves_nothing(files, run, monkeypatch, failure, code, words):
+def test_every_ending_has_its_code_and_leaves_nothing(folder, run, monkeypatch, failure, code, words):
     def fail(*_, **__):
         raise failure
 

@@ -92,14 +92,14 @@ def test_ctrl_c_while_the_page_is_drawn_loses_the_page_alone(files, run, monkeyp
     assert "Interrupted" not in before  # the identification came to its end
 
 
-def test_a_sweep_that_ended_before_its_end_says_so_first(files, run):
+def test_a_sweep_that_ended_before_its_end_says_so_first(folder, run):
     assert run([*COMMAND, *CLASS, "-o", "swept", "--no-reduce"])[0] == 0
     result = rid.load("swept")
     error = rid.worst_case_error(result, omega=[10.0, 20.0, 30.0], directions=3)
     rid.write_report(result, "whole.html", worst_case=error)
-    assert "unfinished" not in first_screen(files / "whole.html")[0].lower()
+    assert "unfinished" not in first_screen(folder / "whole.html")[0].lower()
     rid.write_report(result, "part.html", worst_case=dataclasses.replace(error, missing=np.array([40.0])))
-    before, _ = first_screen(files / "part.html")
+    before, _ = first_screen(folder / "part.html")
     assert "Unfinished: Its time limit, or Ctrl-C, ended the sweep: 3 of 4 frequencies are bounded" in before
 
 
@@ -137,7 +137,7 @@ def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit
     assert rid.load("fit").unfinished.interrupted
 
 
-def test_a_circle_that_ctrl_c_left_out_is_named(files, run, monkeypatch):
+def test_a_circle_that_ctrl_c_left_out_is_named(folder, run, monkeypatch):
     def stop(*_, **__):
         raise KeyboardInterrupt
 
@@ -151,7 +151,7 @@ def test_a_circle_that_ctrl_c_left_out_is_named(files, run, monkeypatch):
     assert said in " ".join(out.split())
     arguments = ["report", "circled", "--bounds", "circled-bounds", "--no-reduce", "-o", "circled.html"]
     assert run(arguments)[0] == 0  # and a page that is made later says it first
-    assert said in " ".join(first_screen(files / "circled.html")[0].split())
+    assert said in " ".join(first_screen(folder / "circled.html")[0].split())
 
 
 def test_a_run_whose_time_is_over_ends_with_a_page_that_says_so_first(folder):

@@ -34,6 +34,7 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("robustid.app.explore.worker._THIN", 9)  # a third of the frequencies
+    monkeypatch.setattr("robustid.app.explore.worker._KNOTS", 60)
     one = session(tmp_path, hz=7.0)
     views = [View("this plant", lambda _: one), View("another plant", lambda _: one)]
     with served(one, views) as server, Browser(tmp_path / "profile") as browser:

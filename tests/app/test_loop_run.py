@@ -93,10 +93,13 @@ def test_the_response_of_the_closed_loop_has_polygons_where_discs_would_limit_th
     assert min(part.values()) < 0.97, part
 
 
+STATED = "--mode", "none", "--gain", "0.01", "--decay-rate", "1.3"
+
+
 @pytest.mark.usefixtures("unsharpened")
 def test_the_response_of_the_closed_loop_and_a_controller_in_a_file(folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)
-    asked = ["identify", "--frequency", "closed.csv", "--loop", "controller.npz"]
+    asked = ["identify", "--frequency", "closed.csv", "--loop", "controller.npz", *STATED]
     code, out, err = words([*asked, "--report", "page.html"], capsys, monkeypatch)
     assert code == 0, (out, err)
     assert "Stable with every consistent plant" in (folder / "page.html").read_text()

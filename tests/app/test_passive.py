@@ -92,7 +92,7 @@ def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
     assert "a sum of passive modes and of F" in (tmp_path / "out" / "report.html").read_text()
 
 
-@pytest.mark.parametrize("points", [24, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("points", [12, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["bounded real", "negative imaginary", "positive real"])
 def test_a_decay_is_chosen_at_which_the_plant_is_passive(kind, points):
     """A lossy resonance on a line, a displacement per force (with a slack), a velocity per force: passive up to 10, 5 and 10."""

@@ -21,7 +21,7 @@ def saved(tmp_path, monkeypatch):
     posed = problem(1)
     rid.identify(posed).save("model")
     omega = posed.frequency[0].omega
-    rid.band(posed, omega=np.linspace(omega[0], omega[-1], 4)[1:-1]).save("band")
+    rid.band(posed, omega=np.linspace(omega[0], omega[-1], 4)[1:-1], knots=30).save("band")
     return tmp_path
 
 

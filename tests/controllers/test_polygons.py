@@ -157,7 +157,7 @@ def refined():
     return (
         plain,
         plain.refine(result, omega=[0.3, 12.0]),
-        consistent_members(result, 3, np.random.default_rng(0), [5.0]),
+        consistent_members(result, 2, np.random.default_rng(0), [5.0]),
     )
 
 

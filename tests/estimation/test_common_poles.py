@@ -104,7 +104,7 @@ def coloured(rng, count, colour):
 @pytest.mark.parametrize(
     ("colour", "seeds", "least"),
     [
-        ("resonant", 5, 3),
+        ("resonant", 3, 2),
         *(
             pytest.param(*each, marks=pytest.mark.slow)
             for each in (("resonant", 10, 7), ("resonant", 40, 34), ("red", 40, 26))

@@ -104,14 +104,15 @@ def test_several_entries_share_their_poles_and_feed_through_is_allowed():
         gain = np.abs(p) * rng.standard_normal((2, 2))
         values += gain * (1 / (s - p) + 1 / (s - np.conj(p)))[:, None, None]
     frf = rid.FrequencyResponse(OMEGA, noisy(rng, (values + 1.0) * np.exp(-s * tau)[:, None, None]))
+    frf = frf.select(slice(None, None, 2))
     assert abs(estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
 
 
 def test_units_scale_exactly():
     rng = np.random.default_rng(2)
-    values = noisy(rng, continuous(modes(rng, 2), 2 * DT))
-    plain = estimate_delay(rid.FrequencyResponse(OMEGA, values), order=4)
-    scaled = estimate_delay(rid.FrequencyResponse(OMEGA * 2.0**60, values * 2.0**-60), order=4)
+    values, omega = noisy(rng, continuous(modes(rng, 2), 2 * DT))[::3], OMEGA[::3]
+    plain = estimate_delay(rid.FrequencyResponse(omega, values), order=4)
+    scaled = estimate_delay(rid.FrequencyResponse(omega * 2.0**60, values * 2.0**-60), order=4)
     assert scaled.seconds == pytest.approx(plain.seconds * 2.0**-60, rel=1e-9)
     assert scaled.misfit == pytest.approx(plain.misfit, rel=1e-9)
 

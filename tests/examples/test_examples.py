@@ -154,7 +154,7 @@ def test_converters(run, monkeypatch, undrawn, seconds):
     monkeypatch.setattr(example, "SEARCH", seconds)
     if seconds < 1:
         monkeypatch.setattr("robustid.guarantees.scaling._POWERS", (16,))
-        monkeypatch.setattr(example, "KNOTS", 240)
+        monkeypatch.setattr(example, "KNOTS", 140)
     printed = run(example, ["loci.png"])
     assert ("verdict    undecided" if seconds < 1 else "verdict    unstable: a pair") in printed
     low, high = map(float, re.search(r"but between ([\d.]+) and ([\d.]+) Hz", printed).groups())

@@ -68,7 +68,7 @@ def test_level_and_relative_part_are_those_of_the_noise():
 
 def test_orders_are_compared_in_one_weight():
     _, frf = measured(1, level=0.01)
-    sweep = suggest_order(frf, orders=[6, 8])
+    sweep = suggest_order(frf.select(slice(None, None, 2)), orders=[6, 8])
     assert all(fit.weight_choice.startswith("relative") for fit in sweep.fits.values())
 
 

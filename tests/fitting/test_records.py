@@ -84,7 +84,7 @@ def brute_force(records, fit, *, feedthrough, offset=False):
 @pytest.mark.parametrize(
     ("initial", "samples", "feedthrough"),
     [
-        pytest.param(*case, feedthrough, marks=pytest.mark.slow if k % 2 == feedthrough or k == 1 else ())
+        pytest.param(*case, feedthrough, marks=pytest.mark.slow if k % 2 == feedthrough or k in (1, 2) else ())
         for k, case in enumerate(
             [(["free"], [71]), (["free"], [60]), (["rest"], [80]), (["free", "rest", "free"], [25, 41, 30])]
         )

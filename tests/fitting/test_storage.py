@@ -11,7 +11,7 @@ import robustid as rid
 from support.forging import forge
 from support.mfd_systems import noisy, random_modal_system
 
-OMEGA = 2 * np.pi * np.geomspace(4, 1200, 120)
+OMEGA = 2 * np.pi * np.geomspace(4, 1200, 40)
 SYSTEM = random_modal_system(3, 2, 2, 3, band_hz=(5, 1000), damping=(0.005, 0.02))
 FREE = SYSTEM.response(1j * OMEGA)
 RIGID = FREE + 1e5 * np.outer([1.0, 0.2], [1.0, -0.3]) / (1j * OMEGA[:, None, None]) ** 2

@@ -101,7 +101,7 @@ def test_halves_have_amplitudes_of_their_own():
 
 @functools.cache
 def polygons():
-    plain = rid.band(identified(), omega=[NEAR, BESIDE], box=BOX)
+    plain = rid.band(identified(), omega=[NEAR, BESIDE], box=BOX, knots=40)
     return plain.refine(identified(), omega=[NEAR, BESIDE]).polygons
 
 

@@ -7,7 +7,7 @@ import scipy.linalg as sla
 
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hankel_singular_values
-from support.reduction_models import gap, mode, peak, points_of, random_model, response
+from support.reduction_models import SMALL_MODELS, gap, mode, peak, points_of, random_model, response
 from support.refusals import refusals
 
 
@@ -92,19 +92,20 @@ def test_minimal_part_comes_out_balanced(discrete):
             np.testing.assert_allclose(gramian, np.diag(reduction.hankel[:n]), atol=1e-9 * reduction.hankel[0])
 
 
-def test_four_hundred_states_close_to_the_circle():
-    # 200 modes of damping 0.001: the gramians' conditions are beyond 1/eps.
+@pytest.mark.parametrize("modes", [80, pytest.param(200, marks=pytest.mark.slow)])
+def test_many_states_close_to_the_circle(modes):
+    # Up to 400 states, of damping 0.001: the gramians' conditions are beyond 1/eps.
     rng = np.random.default_rng(1)
-    angle = np.linspace(0.05, 3.0, 200)
+    angle = np.linspace(0.05, 3.0, modes)
     turns = (np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]]) for w in angle)
     a = sla.block_diag(*(np.exp(-1e-3 * w) * turn for w, turn in zip(angle, turns, strict=True)))
-    size = np.repeat(10.0 ** np.linspace(0, -9, 200), 2)
-    b, c = size[:, None] * rng.standard_normal((400, 2)), size * rng.standard_normal((2, 400))
+    size = np.repeat(10.0 ** np.linspace(0, -9, modes), 2)
+    b, c = size[:, None] * rng.standard_normal((2 * modes, 2)), size * rng.standard_normal((2, 2 * modes))
     model = control.StateSpace(a, b, c, 0, 1.0)
     reduction = balanced_truncation(model, tol=1e-6)
     points = points_of(model)[::10]
     assert reduction.status is ReductionStatus.REDUCED
-    assert reduction.order < 200
+    assert reduction.order < modes
     assert np.max(np.abs(reduction.model.poles())) < 1
     assert gap(model, reduction.model, points) <= reduction.bound <= 1e-6 * reduction.hankel[0]
 
@@ -251,6 +252,7 @@ test_bad_input_is_named = refusals(
 
 
 @pytest.mark.realdata
+@SMALL_MODELS
 @pytest.mark.parametrize("count", [3, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_bound_holds_at_every_order_of_the_benchmark_models(benchmark_model, discrete, count):

@@ -9,7 +9,7 @@ import scipy.linalg
 from robustid.core import StateMatrices
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error, hinf_norm
-from support.reduction_models import flexible, gap, mode, points_of, random_model, response
+from support.reduction_models import SMALL_MODELS, flexible, gap, mode, points_of, random_model, response
 from support.refusals import refusals
 
 NOTHING = control.StateSpace([], [], [], [[0.0]])
@@ -116,6 +116,7 @@ def check_bound(model, orders, matches):
 
 
 @pytest.mark.realdata
+@SMALL_MODELS
 @pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model, every):
     # On a grid, every order: test_balanced.py.

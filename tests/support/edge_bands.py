@@ -17,7 +17,7 @@ from support.edge_plants import inner
 IN_TIME = "record", "free record", "periodic record", "record of two inputs"
 MATRICES = "symmetric", "matrix"
 KINDS = ("discrete", "continuous", "roll-off", *IN_TIME, *MATRICES)
-DT, SIZE = 0.01, 2**17
+DT, SIZE = 0.01, 2**16
 CORNER = 300.0  # rad/s, of the class with roll-off
 NEARLY = 1 - 1e-9  # an error at its bound, whatever its rounding
 

@@ -40,7 +40,8 @@ def joined(kind, seed):
     plant = edge_plant(kind, seed)
     result, rng = rid.identify(plant.problem), np.random.default_rng(seed)
     lines = plant.problem.frequency[0].omega
-    band, omega = rid.band(result, box=plant.box, knots=80), np.sort(rng.uniform(lines.min(), lines.max(), 3))
+    knots = 40 if (kind, seed) in QUICK else 80
+    band, omega = rid.band(result, box=plant.box, knots=knots), np.sort(rng.uniform(lines.min(), lines.max(), 3))
     omega = omega[: {QUICK[0]: 2, QUICK[1]: 1}.get((kind, seed))]
     return plant, result, band.refine(result, omega=omega)
 

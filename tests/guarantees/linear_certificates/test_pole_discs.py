@@ -9,7 +9,7 @@ from robustid.guarantees.linear.functions import Functions
 from robustid.guarantees.linear.in_time import tails_of_modes
 from robustid.guarantees.linear.pole_discs import discs_of, groups_of, hull, told_apart_of
 from support.cases import seeds
-from support.pairwise import every_two
+from support.pairwise import every_one
 
 PLANES = {
     "delay 0": (ZPlane(0.01), 0),
@@ -83,7 +83,7 @@ def both(first, conjugate):
     return np.stack([first, conjugate], axis=1).ravel()
 
 
-CASES = every_two(list(PLANES), list(WIDTHS))
+CASES = every_one(list(PLANES), list(WIDTHS))
 
 
 @pytest.mark.parametrize(("place", "width"), CASES)

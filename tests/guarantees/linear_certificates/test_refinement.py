@@ -49,7 +49,7 @@ def identified(bound=0.03):
 
 @functools.cache
 def plain():
-    return rid.band(identified(), omega=OMEGA)
+    return rid.band(identified(), omega=OMEGA, knots=60)
 
 
 @functools.cache
@@ -62,7 +62,7 @@ BOX = np.array([[9.99, 10.01]]), np.array([[0.049, 0.051]])
 
 @functools.cache
 def over_box():
-    plain = rid.band(identified(), omega=OMEGA, box=BOX)
+    plain = rid.band(identified(), omega=OMEGA, box=BOX, knots=60)
     return plain, plain.refine(identified(), omega=AT[:2])
 
 
