@@ -49,38 +49,6 @@ def _no_downloads(tmp_path_factory):
         yield
 
 
-SOONER = {"app", "report", "controllers"}  # about other steps than the knots of a band and the solver of a margin
-AS_DELIVERED = {"test_design_answers"}  # but for these files, in which the steps of a search are counted
-_sooner_last = [False]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _sooner(request):
-    """Small margins by the structured solver, and bands of fewer knots, which are proved as all are: what holds, holds for any."""
-    from robustid.guarantees.linear import entry_band
-    from robustid.identification import margin
-
-    room = str(request.path.parent.relative_to(pathlib.Path(__file__).parent))
-    sooner = room in SOONER and request.path.stem not in AS_DELIVERED
-    if sooner != _sooner_last[0]:
-        _sooner_last[0] = sooner
-        _forget()
-    with pytest.MonkeyPatch.context() as patch:
-        if sooner:
-            patch.setattr(margin, "QUICK_CONIC", 0)
-            patch.setattr(entry_band, "_ROUNDS", 1)
-            patch.setattr(entry_band, "_OUTSIDE", 10)
-        yield
-
-
-def _forget():
-    """Drop what `support` keeps, which was made the other way; a compiled program is the same."""
-    for name, module in list(sys.modules.items()):
-        for one in list(vars(module).values()) if name.startswith("support.") else ():
-            if hasattr(one, "cache_clear") and one.__name__ != "built":
-                one.cache_clear()
-
-
 @pytest.fixture(scope="session")
 def consistent():
     """The identification that most pages are about."""
