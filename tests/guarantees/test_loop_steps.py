@@ -1,6 +1,7 @@
 """Tubes of steps of a loop: a closed form, dense integrals, and steps of consistent plants, simulated by `control`."""
 
 import dataclasses
+import itertools
 from types import SimpleNamespace
 
 import control
@@ -141,8 +142,8 @@ def test_the_farthest_plants_come_near_to_the_range_that_the_class_narrows(seed)
     wide = step_tube(bounds, horizon=8)
     tube, shares = step_tube(bounds, horizon=8, identification=result), []
     assert np.all((tube.lower >= wide.lower) & (tube.upper <= wide.upper))
-    for sign in (-1.0, 1.0):
-        one = farthest(result, bounds.band.model, design.controller, 5, sign)
+    for sample, sign in itertools.product((3, 5), (-1.0, 1.0)):
+        one = farthest(result, bounds.band.model, design.controller, sample, sign)
         assert is_consistent(band.problem, one)
         shares += inside(one, design.controller, {("set point", (0, 0)): tube})
     assert 0.5 <= max(shares) <= 1
