@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 import functools
 from typing import NamedTuple
@@ -96,12 +97,12 @@ def _entry(frf: FrequencyResponse, number: int) -> FrequencyResponse:
     return frf.entry(*divmod(number, frf.values.shape[2]))
 
 
-def _whole(one: FrequencyResponse, refined: bool, most: int = _ORDERS[-1]) -> WholeModel | None:
-    """Model of the order with the smallest Bayesian information criterion, at most this one."""
+def _whole(one: FrequencyResponse, refined: bool, least: int = 0, most: int = _ORDERS[-1]) -> WholeModel | None:
+    """Model of the order with the smallest Bayesian information criterion, of these."""
     bound = one.bound.outer_radius.reshape(-1)
     if not np.all(bound > 1e-12 * float(np.abs(one.values).max())):
         return None
-    best, fit = _of_least_criterion(one, refined, most)
+    best, fit = _of_least_criterion(one, refined, least, most)
     if best is None:
         return None
     right = _real(one.values.reshape(-1) / bound)
@@ -116,13 +117,13 @@ def _whole(one: FrequencyResponse, refined: bool, most: int = _ORDERS[-1]) -> Wh
     return WholeModel(best.values, left, basis, power / spare, noise, dof, best.order, best.criterion)
 
 
-def _of_least_criterion(one: FrequencyResponse, refined: bool, most: int) -> tuple[_Fitted | None, PoleFit]:
+def _of_least_criterion(one: FrequencyResponse, refined: bool, least: int, most: int) -> tuple[_Fitted | None, PoleFit]:
     bound = one.bound.outer_radius.reshape(-1)
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
     right = _real(one.values.reshape(-1) / bound)
     best: _Fitted | None = None
-    for order in _ORDERS:
+    for order in _ORDERS[bisect.bisect_left(_ORDERS, least) :]:
         if order * _A_POLE > bound.size or order > most:
             break
         poles = fit.search(order, np.zeros(1), decades=False)[1][0]
@@ -323,14 +324,17 @@ def _price(lines: int) -> float:
 def _needed(one: FrequencyResponse, upper: int, plain: WholeModel, size: float, delayed: bool) -> tuple[Complex, float]:
     """The change from a line on, and by how much models are better without it; its size is that of such a model.
 
-    The first size is of a model that follows a part of the change with poles of its own. Without it no more poles are needed.
+    The first size is of a model that follows a part of the change with poles of its own. Without it no more poles are needed, and
+    at least half of them.
     """
     slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
     for _ in range(_SIZES):
         change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
         by = np.where(np.arange(slope.size) >= upper, change, 1)
-        simpler = _whole(dataclasses.replace(one, values=one.values / by[:, None, None]), True, plain.order)
+        simpler = _whole(
+            dataclasses.replace(one, values=one.values / by[:, None, None]), True, plain.order // 2, plain.order
+        )
         if simpler is None:
             break
         if plain.criterion - simpler.criterion > most:
