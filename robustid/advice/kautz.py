@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,9 +213,7 @@ def suggest_kautz(
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
     reason += words
-    boxes = [
-        bounded_by_shown(box, poles[i], shown, fit.angle) for i, box in _intervals(fit, poles, kept.tolist(), clock)
-    ]
+    boxes: Sequence[PoleBox] = _intervals(fit, poles, kept.tolist(), shown, clock)
     kept, boxes, words = _bounded(kept, boxes, fit) if wanted is None else (kept, boxes, "")
     reason += words
     step, edges = fit.plane.dt, _edges(boxes, fit)
@@ -241,7 +239,7 @@ def suggest_kautz(
         )
     chosen = 0
     if step:
-        chosen = fixed_delay if fixed_delay is not None else smallest_remainder(fit, poles[kept])
+        chosen = smallest_remainder(fit, poles[kept]) if fixed_delay is None else fixed_delay
     return KautzSuggestion(
         omega=omega,
         damping=damping,
@@ -282,10 +280,12 @@ def _edges(boxes: Sequence[PoleBox], fit: LineData) -> Real:
     return mode_intervals(np.array([box.ends for box in boxes]).reshape(-1, 2, 2), fit.plane)
 
 
-def _intervals(fit: LineData, poles: Real, kept: Sequence[int], clock: StepClock) -> Iterator[tuple[int, PoleBox]]:
+def _intervals(fit: LineData, poles: Real, kept: Sequence[int], shown: Real, clock: StepClock) -> list[PoleBox]:
+    boxes = list[PoleBox]()
     for k, which in enumerate(kept):
         clock.check(f"{k} of {len(kept)} intervals of modes")
-        yield which, pole_interval(fit, poles, which)
+        boxes.append(bounded_by_shown(pole_interval(fit, poles, which), poles[which], shown, fit.angle))
+    return boxes
 
 
 def _kept(fit: LineData, poles: Real, shown: Real, every: bool) -> tuple[Real, NDArray[np.int_], str]:

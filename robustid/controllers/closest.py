@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
-from robustid.controllers.designing import SPARE, At, Found, Task, TimeIsOver, ended_early, unheard
+from robustid.controllers.designing import SPARE, At, Found, Task, TimeIsOver, unheard
+from robustid.controllers.proved_search import ended_early
 from robustid.controllers.proving import Proof
 from robustid.core import Budget, Interruptible, Progress, Real, Unfinished
 

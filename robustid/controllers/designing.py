@@ -20,17 +20,7 @@ from robustid.controllers.program import Functions
 from robustid.controllers.proving import Proof, proof_of
 from robustid.controllers.search import Question, found_for
 from robustid.controllers.structure import Basis, Matrix, basis_of, entries_of, free_of
-from robustid.core import (
-    Budget,
-    Complex,
-    Interruptible,
-    Progress,
-    Real,
-    StateMatrices,
-    Unfinished,
-    points_of,
-    response_at,
-)
+from robustid.core import Budget, Complex, Progress, Real, StateMatrices, points_of, response_at
 
 if TYPE_CHECKING:
     import control
@@ -60,12 +50,6 @@ class Found:
 
 class TimeIsOver(Exception):
     """End of a search whose time is over; what was found stays with whom it was told to."""
-
-
-def ended_early(search: Interruptible) -> Unfinished:
-    """Words on a search whose time was over, or that Ctrl-C ended."""
-    name = "the search of a controller"
-    return Unfinished(() if search.interrupted else (name,), search.interrupted, run=name)
 
 
 def _everywhere(omega: Real) -> Real:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from robustid.controllers.designing import At, Found, Task, TimeIsOver, ended_early
+from robustid.controllers.designing import At, Found, Task, TimeIsOver
 from robustid.controllers.proving import Proof
 from robustid.core import Budget, Interruptible, Progress, Unfinished
 
@@ -28,6 +28,12 @@ class Outcome(NamedTuple):
 def searched_with_proof(task: Task, budget: Budget, progress: Progress | None = None) -> Outcome:
     """The best controller of a task that keeps the limits, with its proof: of all that are proved, else of the last one."""
     return _Search(task, budget, progress).outcome()
+
+
+def ended_early(search: Interruptible) -> Unfinished:
+    """Words on a search whose time was over, or that Ctrl-C ended."""
+    name = "the search of a controller"
+    return Unfinished(() if search.interrupted else (name,), search.interrupted, run=name)
 
 
 class _Search:
