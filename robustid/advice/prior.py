@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,10 +17,10 @@ from robustid.advice.smallest_gain import (
     DIGITS,
     TAILS,
     Mask,
+    gain_bounds,
     missed,
     response_sizes,
     selected,
-    smallest_gain,
     thinned,
 )
 from robustid.core import Budget, Frozen, Progress, Real, Stops, as_array, as_kind, freeze, one_thread
@@ -241,19 +242,30 @@ def _search(
 
 
 def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> PriorSuggestion:
-    """The gain at the recommended decay rate from all frequency points; where it is infinite, at the next best."""
-    while (prior := found.prior) is not None and not budget.over:
-        trial = problem.with_prior(gain_bound=prior.gain_bound, rate=prior.rate)
-        if formulate(trial, accuracy=TAILS).work > _QUICK_WORK:
-            return found
-        gain = smallest_gain(problem, prior.rate, problem, CEILINGS[:1], budget)
-        gains = np.where(found.decay_rates == prior.rate, gain, found.gains)
-        if np.isinf(gain):
-            gains[found.decay_rates > prior.rate] = np.inf
-        found = _result(problem, GainCurve(found.decay_rates, gains), found.errors, found.points)
-        if found.prior is None or found.prior.rate == prior.rate:
-            return found
-    return found
+    """The gain from all frequency points at the decay rate that is recommended with it.
+
+    Those of fewer points bound the gains of all from below. Where the slope may be smallest the bound is raised, until it is
+    smaller at another decay rate, or is the gain.
+    """
+    rates, gains, known = found.decay_rates, found.gains.copy(), np.zeros(found.decay_rates.size, bool)
+    searches: dict[int, Iterator[tuple[float, float]]] = {}
+    while found.prior is not None and not budget.over:
+        priors = GainCurve(rates, gains).priors(problem)
+        k = int(np.argmin([np.inf if one is None else one.slope for one in priors]))
+        if known[k] or (prior := priors[k]) is None:
+            break
+        if k not in searches:
+            if formulate(dataclasses.replace(problem, prior=prior), accuracy=TAILS).work > _QUICK_WORK:
+                break
+            searches[k] = gain_bounds(problem, prior.rate, problem, CEILINGS[:1], budget)
+        below, above = next(searches[k])
+        known[k] = below == above
+        gains[k] = above if known[k] else max(gains[k], below)
+        if np.isinf(below):
+            gains[k:] = np.inf
+    else:
+        return found
+    return _result(problem, GainCurve(rates, gains), found.errors, found.points)
 
 
 def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,22 +44,46 @@ def smallest_gain(
     Gain bounds up to the `ceilings`, in units of the largest response (of a `whole` that the data are a part of), are tried.
     Where the time is over: the smallest so far.
     """
+    above = np.inf
+    for _, above in gain_bounds(problem, decay_rate, whole, ceilings, budget):
+        if budget is not None and budget.over:
+            return above
+    return above
+
+
+def gain_bounds(
+    problem: MixedProblem,
+    decay_rate: float,
+    whole: MixedProblem | None = None,
+    ceilings: tuple[float, ...] = CEILINGS,
+    budget: Budget | None = None,
+) -> Iterator[tuple[float, float]]:
+    """Ever closer bounds of the `smallest_gain`, from below (as the path estimates it) and from above; the last two are equal."""
     largest, smallest = response_sizes(problem if whole is None else whole)
     for ceiling in ceilings:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, rate=decay_rate)
         form = formulate(trial, accuracy=TAILS)
-        data, kappa = form.data, 1.0
-        with threads_for(form.count):
-            try:
-                center = analytic_center(data, 1.0, budget=budget)
-            except SolverError:
-                continue
-            for _, kappa, gap in gain_path(data, center, 1.0):
-                if gap <= DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest or (budget is not None and budget.over):
-                    break
-        return kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
-    return np.inf
+        kappa = 1.0
+        try:
+            with threads_for(form.count):
+                center = analytic_center(form.data, 1.0, budget=budget)
+        except SolverError:
+            continue
+        path = gain_path(form.data, center, 1.0)
+        while True:
+            with threads_for(form.count):
+                step = next(path, None)
+            if step is None:
+                break
+            _, kappa, gap = step
+            if gap <= DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
+                break
+            yield max(kappa - gap, 0.0) * K, kappa * K
+        gain = kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
+        yield gain, gain
+        return
+    yield np.inf, np.inf
 
 
 def response_sizes(problem: MixedProblem) -> tuple[float, float]:

@@ -8,7 +8,8 @@ import pytest
 import robustid as rid
 from robustid.advice import computable_step, gain_curve, kept_gains, prior, says_something, suggest_prior, useful_prior
 from robustid.advice.sensitivity import guaranteed
-from robustid.advice.smallest_gain import missed, selected, thinned
+from robustid.advice.smallest_gain import gain_bounds, missed, selected, smallest_gain, thinned
+from robustid.core import Budget
 from robustid.errors import InputTypeError, SizeError
 from robustid.identification.formulation import formulate
 from support.cases import seeds
@@ -264,6 +265,45 @@ def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope
     assert found.prior.gain_bound == pytest.approx(found.safety * last[int(np.argmin(slopes))])
     assert np.all(found.gains <= last * (1 + 1e-12))
     assert len(asked) <= 45
+
+
+def test_bounds_of_the_smallest_gain_close_on_it():
+    problem = dense(70)
+    pairs = list(gain_bounds(problem, 1.05))
+    gain = smallest_gain(problem, 1.05)
+    below, above = np.array(pairs).T
+    assert len(pairs) > 3
+    assert pairs[-1] == (gain, gain)
+    assert np.all(below <= gain)
+    assert np.all(above >= gain)
+    assert np.all(np.diff(above) <= 0)
+
+
+@pytest.mark.parametrize("seed", seeds(5, 100))
+def test_the_gain_of_all_points_is_that_of_a_search_at_every_decay_rate(seed, monkeypatch):
+    # The gains of few points are known, those of all of them come closer from both sides; infinite from one rate on, or nowhere.
+    frf = rid.FrequencyResponse(np.linspace(0.1, 3.0, 30), np.ones(30), bound=0.01, dt=1.0)
+    problem, rng = rid.MixedProblem(frequency=frf, prior=ANY), np.random.default_rng(seed)
+    rates, few = gain_curve.default_rates(problem), np.exp(np.cumsum(rng.uniform(0, 1, 9)))
+    every = few * np.exp(np.cumsum(rng.uniform(0, 1, 9)) * rng.choice([0.02, 0.5]))
+    every[rng.integers(0, 12) :] = np.inf
+
+    def closer(_, rate, *__):
+        gain = every[int(np.argmin(np.abs(rates - rate)))]
+        for part in (*(0.5 ** np.arange(10)), 0.0):
+            yield (gain * (1 - part), gain * (1 + part)) if np.isfinite(gain) else (gain, gain)
+
+    monkeypatch.setattr(prior, "gain_bounds", closer)
+    start = prior._result(problem, gain_curve.GainCurve(rates, few), np.full(9, np.nan), 10)
+    best = prior._of_all(problem, start, Budget(None, None, "looking for a prior"))
+    slopes = gain_curve.GainCurve(rates, every).slopes(problem)
+    if np.all(np.isinf(slopes)):
+        assert best.prior is None
+        return
+    k = int(np.argmin(slopes))
+    assert best.prior.decay_rate == rates[k]
+    assert best.gains[k] == every[k]
+    assert np.all(best.gains <= every)
 
 
 @pytest.mark.parametrize("count", [5, pytest.param(20, marks=pytest.mark.slow)])
