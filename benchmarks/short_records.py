@@ -4,10 +4,14 @@ Run: OPENBLAS_NUM_THREADS=1 python benchmarks/short_records.py [half | 2 | 5 | 2
 """
 
 import argparse
+import sys
 import time
 import traceback
+from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from support.short_records import judged, record_of
 

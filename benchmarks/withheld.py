@@ -7,12 +7,17 @@ is three times the radius claimed there: all radii are smaller by one factor (sc
 """
 
 import argparse
+import sys
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
 import robustid as rid
 from robustid.core import one_thread
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
 from support.withheld_cases import KINDS, case
 
 CASES = [f"{kind}/{how}" for how in ("scaled", "moved") for kind in KINDS if (kind, how) != ("lines", "moved")]

@@ -18,6 +18,7 @@ ROOMS = [
 OPEN = ("_version", "errors", "figures", "spellings")  # import no room
 FILES = sorted(ROOT.rglob("*.py"))
 NAMES = {".".join(("robustid", *path.relative_to(ROOT).with_suffix("").parts)): path for path in FILES}
+NEVER = 10**6  # lines
 MODULES = {name.removesuffix(".__init__"): path for name, path in NAMES.items()}
 
 
@@ -156,3 +157,32 @@ def test_every_cited_source_is_in_the_bibliography():
     for path in FILES:
         for key in re.findall(r"`([a-z]+(?:19|20)\d\d)`", path.read_text(encoding="utf-8")):
             assert key in known, f"{path} cites {key}"
+
+
+@functools.cache
+def puts_the_tests_on_the_path(path):
+    """The line of a benchmark from which on the helpers of the tests are found; `NEVER` where they are not."""
+    return min(
+        (
+            node.lineno
+            for node in ast.walk(tree(path))
+            if (isinstance(node, ast.Constant) and node.value == "tests")
+            or (isinstance(node, ast.ImportFrom) and gives(path.with_name(f"{node.module}.py")))
+        ),
+        default=NEVER,
+    )
+
+
+def gives(path):
+    return path.is_file() and puts_the_tests_on_the_path(path) < NEVER
+
+
+def test_every_benchmark_finds_the_helpers_of_the_tests():
+    """Its command is run as it stands in its first lines, from the root, where the tests are on no path."""
+    for path in sorted((ROOT.parent / "benchmarks").glob("*.py")):
+        wanted = [
+            node.lineno
+            for node in ast.walk(tree(path))
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("support")
+        ]
+        assert not wanted or puts_the_tests_on_the_path(path) < min(wanted), path.name
