@@ -45,7 +45,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
             f"`record` has {samples} samples: the local method needs {2 * (2 * half + 1) + 1} for {nu} inputs and"
             f" {len(records)} experiments; measure longer"
         )
-    index = excited_lines(x, half, last) if lines is None else checked_lines(lines, last)
+    index = excited_lines(x, half, last, _ORDER + 1) if lines is None else checked_lines(lines, last)
     dof = _spare(*drives.shape[::2])
     free = dof - (_ORDER + 1) * nu  # beside the changes of a window
     signs = _signs(*drives.shape[:2])[: None if free >= 1 else 0]
@@ -357,9 +357,16 @@ def _smooth(power: np.ndarray, half: int) -> np.ndarray:
     return (total[high] - total[low]) / (high - low)[:, None]
 
 
-def excited_lines(x: np.ndarray, half: int, last: int) -> np.ndarray:
-    """Spectral lines where every signal of the excitation is there, 5000 at most."""
-    amplitude = np.sqrt(_smooth(np.max(np.abs(x) ** 2, axis=0), half))
+def excited_lines(x: np.ndarray, half: int, last: int, least: int) -> np.ndarray:
+    """Spectral lines where every signal of the excitation is there, 5000 at most.
+
+    In the window of each are at `least` so many excited lines, as many as a response has coefficients there: beside the last line
+    of a multisine one or two tell nothing of the lines that it leaves out.
+    """
+    peak = np.max(np.abs(x), axis=0)
+    amplitude = np.sqrt(_smooth(peak**2, half))
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(peak, ((half, half), (0, 0))), 2 * half + 1, axis=0)
+    amplitude[np.sum(around >= _EXCITED * amplitude[..., None], axis=2) < least] = 0
     amplitude[0] = 0
     amplitude[last + 1 :] = 0
     largest = amplitude.max(axis=0)

@@ -32,7 +32,7 @@ def welch(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     x = _segments(records, "reference", length) if loop else parts["u"]
     z = np.concatenate([parts["y"], parts["u"]], axis=2) if loop else parts["y"]
     last = (length - 1) // 2
-    index = excited_lines(x, 1, last) if lines is None else checked_lines(lines, last)
+    index = excited_lines(x, 1, last, 1) if lines is None else checked_lines(lines, last)
     x, z = (part[:, index].transpose(1, 2, 0) for part in (x, z))  # (f, n, count)
     gram = np.linalg.pinv(x @ x.conj().swapaxes(1, 2))
     values = z @ x.conj().swapaxes(1, 2) @ gram

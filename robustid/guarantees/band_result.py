@@ -359,7 +359,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     def __repr__(self) -> str:
         poles = "poles as stated" if self.box is None else "poles anywhere in a box"
         known = self.radius[np.isfinite(self.radius)]
-        return f"<Band: {self.omega.size} frequencies, {poles}, radius up to {known.max(initial=0.0):.4g}>"
+        radius = f"radius up to {known.max():.4g}" if known.size else "nothing is proved"
+        return f"<Band: {self.omega.size} frequencies, {poles}, {radius}>"
 
     def summary(self) -> str:
         """The result in plain text."""

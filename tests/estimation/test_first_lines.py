@@ -5,7 +5,7 @@ import pytest
 
 from robustid.data import TimeRecord, joint_radius
 from robustid.estimation import response_alone
-from robustid.estimation.nonperiodic import _fit
+from robustid.estimation.nonperiodic import _fit, excited_lines
 from support.cases import slow
 from support.fault_plants import recipes, records
 
@@ -63,3 +63,12 @@ def test_clean_records_of_a_heater_keep_their_bound_at_the_first_lines():
         far.append(np.max(np.abs(frf.values[:5, 0, 0] - truth[:5]) / frf.bound.radius[:5, 0, 0]))
     assert np.sum(np.array(far) > 1) <= 3, far
     assert max(far) < 2, far
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1e-14, 1e-4])
+def test_beside_the_last_line_of_a_multisine_a_window_holds_as_many_lines_as_it_has_coefficients(rounding):
+    """Three of a numerator of second degree; what rounding, or a column of four digits, leaves beside the band counts for none."""
+    top, half, last = 125, 14, 499
+    x = rounding * np.ones((1, last + 1, 1), complex)
+    x[0, 1 : top + 1] = 1
+    assert excited_lines(x, half, last, 3).tolist() == list(range(1, top + half - 1))

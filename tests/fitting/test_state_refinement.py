@@ -9,6 +9,7 @@ import scipy.optimize
 import robustid as rid
 from robustid.core import Budget, response_at
 from robustid.fitting import FitStatus, FractionProblem, Weight, fit_mfd, subspace_estimate
+from robustid.fitting.state_space import state_refinement
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.given_poles import Samples
 from robustid.fitting.state_space.state_descent import blocks_of
@@ -272,3 +273,24 @@ class TestMeasured:
         fit = fit_mfd(train, order=order, weight=rid.fits.Weight.relative(train.values))
         error = np.abs(fit.fraction.response(test.omega) - test.values) / np.abs(test.values)
         assert np.sqrt(np.mean(error**2)) < 0.8
+
+
+def test_steps_that_held_poles_make_long_get_shorter_until_they_end(monkeypatch):
+    """Held on their limits, several poles make a step longer than the radius; none of the trials is better than the start."""
+    problem = problem_of(1, 2, 2, 3, 6)
+    start, lengths = start_of(problem)[2], []
+    outputs = Outputs(problem)
+    first = outputs.fitted(start)
+    plain = state_refinement._step
+
+    def long(R, gradient, radius, *rest):
+        step, _ = plain(R, gradient, radius, *rest)
+        lengths.append(4 * radius)
+        assert len(lengths) < 100
+        return step * 4 * radius / np.linalg.norm(step), True
+
+    monkeypatch.setattr(state_refinement, "_step", long)
+    monkeypatch.setattr(outputs, "fitted", lambda model: first._replace(cost=first.cost * (1 + (model is not start))))
+    found = refine(problem, start, stable=True, limit=5, outputs=outputs)
+    assert found.history == ()
+    assert np.all(np.diff(lengths) < 0)

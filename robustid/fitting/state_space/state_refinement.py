@@ -142,7 +142,9 @@ class _Descent:
         if gain > _GOOD:
             self.radius = max(self.radius, _LONGER * length)
         elif gain < _POOR:
-            self.radius = (_SHORTER if gain > 0 else _FAR_SHORTER) * length
+            part = _SHORTER if gain > 0 else _FAR_SHORTER
+            # Where poles are held a step may be so much longer than the radius that a part of it is no less.
+            self.radius = part * (length if part * length < self.radius else self.radius)
         return gain > _LEAST_GAIN and fall > 0
 
     def _record(self, trial: Fitted, step: float, slope: float) -> FitStatus | None:
