@@ -59,7 +59,8 @@ def report(length, seeds, compare):
     print(f"  boxes that hold a mode: {sum(v.held for v in every)} of {sum(v.found for v in every)}")
     print(f"  all boxes hold: {sum(v.held == v.found for v in every)} of {count}")
     print(f"  three modes: {sum(v.found == 3 for v in every)}; none: {sum(v.found == 0 for v in every)}")
-    print(f"  a band: {len(there)}; it holds: {sum(v.band <= 1 for v in there)}")
+    finite = [v for v in there if np.isfinite(v.width)]
+    print(f"  a band: {len(there)}, finite: {len(finite)}; that holds: {sum(v.band <= 1 for v in finite)}")
     if ratios:
         most = sum(r <= 2 for r in ratios)
         print(

@@ -58,3 +58,10 @@ def known_errors(known: Known, problem: MixedProblem, model: control.StateSpace,
     """Bounds of the errors of a model that known discs give, (F, ny, nu)."""
     centre, radius = known.at(omega)
     return np.abs(centre - problem.plane.values_at(model, omega)) + radius
+
+
+def shares_of(errors: Real, largest: Real) -> Real:
+    """Errors (F, ny, nu) in units of the `largest` (ny, nu), (F,): of the entry where that is most; 1 where neither has a bound."""
+    shares = np.ones(errors.shape)
+    np.divide(errors, largest, out=shares, where=np.isfinite(errors) | np.isfinite(largest))
+    return np.asarray(shares.max(axis=(1, 2)), dtype=float)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Interruptible, Real, Stops, threads_for, was_interrupted
 from robustid.errors import InputError
-from robustid.guarantees.candidates import halved, known_errors
+from robustid.guarantees.candidates import halved, known_errors, shares_of
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
@@ -167,7 +167,7 @@ class OverBox(Programs):
         """As `Programs.solve`, one after the other; those that gain nothing over known discs are kept where `every` one is."""
         radii: dict[float, Real] = {}
         error = known_errors(known, self.identification.problem, self.model, omega)
-        share = (error / self._largest).max(axis=(1, 2))
+        share = shares_of(error, self._largest)
         first = np.argsort(-share, kind="stable")  # the largest error, before the time is over
         omega, error, share = omega[first], error[first], share[first]
         further = (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0) if self._every else 0.0
@@ -202,7 +202,7 @@ class OverBox(Programs):
     def lower(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
         """As `Programs.lower`: cells where the error is largest, by discs or by cells, until more of them make it no smaller."""
         error = known_errors(known, self.identification.problem, self.model, omega)
-        share = dict(zip(omega.tolist(), (error / self._largest).max(axis=(1, 2)).tolist(), strict=True))
+        share = dict(zip(omega.tolist(), shares_of(error, self._largest).tolist(), strict=True))
         seen: list[float] = []
         with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
             while not (means.budget is not None and means.budget.over):
@@ -225,7 +225,7 @@ class OverBox(Programs):
         """The proved error of cells at a frequency, in units of the largest that is known."""
         at, kept = np.array([omega]), [leaf.kept(omega) for leaf in leaves]
         nominal = self.identification.problem.plane.values_at(self.model, at)
-        return float((union_of(kept, nominal, at)[0] / self._largest).max())
+        return float(shares_of(union_of(kept, nominal, at)[0], self._largest)[0])
 
     def _beside(self, omega: float) -> list[Branch]:
         """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box.

@@ -10,6 +10,7 @@ import pytest
 import robustid as rid
 from robustid.core import Budget
 from robustid.guarantees import box_of, placement, pole_tree
+from robustid.guarantees.candidates import shares_of
 from robustid.guarantees.pole_proofs import KeptCell
 from robustid.guarantees.pole_tree import PoleTree
 from robustid.guarantees.sweep import Means
@@ -142,3 +143,9 @@ def test_cells_of_which_nothing_is_known_are_no_polygons(monkeypatch):
     seen, radius = programs.lower(omega, discs, Means())
     assert seen.size == radius.size == 0
     assert programs.polygons() is None
+
+
+def test_errors_without_bound_are_larger_than_all_others_and_one_of_themselves():
+    errors = np.array([[[1.0, np.inf]], [[np.inf, 2.0]], [[4.0, 1.0]]])
+    np.testing.assert_array_equal(shares_of(errors, np.array([[2.0, 4.0]])), [np.inf, np.inf, 2.0])
+    np.testing.assert_array_equal(shares_of(errors, np.array([[2.0, np.inf]])), [1.0, np.inf, 2.0])
