@@ -11,6 +11,7 @@ import robustid as rid
 from robustid.app.run import modes, sequence
 from robustid.identification import model_residuals
 from support.measured import needs
+from support.refusals import refused
 from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask, keep_discs, keep_whole
 
 
@@ -286,14 +287,10 @@ def test_identify_reduced_of_a_problem():
     np.testing.assert_array_equal(result.error.upper, result.worst_case.with_model(result.model).upper)
     assert "bounding the error at every frequency" in lines
     assert "given in Python" in result.run_file.text()
-    with pytest.raises(rid.InputError, match="`prior` is part of the problem already"):
-        rid.identify_reduced(problem, prior=prior)
-    with pytest.raises(rid.errors.InputTypeError, match="sequence of these two; got int"):
-        rid.identify_reduced(3)
-    with pytest.raises(rid.InputError, match="bound on every sample"):
-        rid.identify_reduced(dataclasses.replace(data.frequency, bound=None))
-    with pytest.raises(rid.InputError, match=r"`inflate` must be .auto. or a number"):
-        rid.identify_reduced(problem, inflate="very")
+    refused("`prior` is part of the problem already", rid.identify_reduced, problem, prior=prior)
+    refused("sequence of these two; got int", rid.identify_reduced, 3, error=rid.errors.InputTypeError)
+    refused("bound on every sample", rid.identify_reduced, dataclasses.replace(data.frequency, bound=None))
+    refused(r"`inflate` must be .auto. or a number", rid.identify_reduced, problem, inflate="very")
 
 
 def test_samples_outside_are_named():

@@ -18,6 +18,7 @@ from robustid.controllers.structure import as_structure, basis_of, integral_gain
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits, Matrix, Notch
 from support.design_cases import DT, matrix_band_of
+from support.refusals import refused
 
 
 def responses(model, omega):
@@ -316,9 +317,6 @@ def test_what_makes_no_sense_for_a_matrix_is_refused(small, change, words):
 
 
 def test_matrices_that_are_none_are_refused():
-    with pytest.raises(rid.InputError, match="rows of one length"):
-        Matrix([[PID()], [PID(), None]])
-    with pytest.raises(rid.InputError, match="`sensors` must have 2 rows"):
-        Matrix([[PID(), None], [None, PID()]], sensors=np.eye(3))
-    with pytest.raises(rid.InputError, match="at least one factor"):
-        Matrix([[None]])
+    refused("rows of one length", Matrix, [[PID()], [PID(), None]])
+    refused("`sensors` must have 2 rows", Matrix, [[PID(), None], [None, PID()]], sensors=np.eye(3))
+    refused("at least one factor", Matrix, [[None]])

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 
 from robustid.data import TimeRecord
-from robustid.errors import InputError
 from robustid.estimation import estimate_frf, response_alone
 from support.cases import slow
+from support.refusals import refused
 
 DT, PERIOD = 1e-3, 2048
 LINES = np.arange(10, 800, 4)
@@ -245,10 +245,8 @@ def test_without_a_method_the_records_decide():
     assert "local rational" in estimate_frf(record).note
     twice = np.tile(u[:300], 2)
     assert "2 periods" in estimate_frf(TimeRecord(twice, twice, dt=0.01), period=300).note
-    with pytest.raises(InputError, match='`period` belongs to method="periodic"'):
-        estimate_frf(record, method="local", period=300)
-    with pytest.raises(InputError, match="the local method needs"):
-        estimate_frf(TimeRecord(u[:40], u[:40], dt=0.01))
+    refused('`period` belongs to method="periodic"', estimate_frf, record, method="local", period=300)
+    refused("the local method needs", estimate_frf, TimeRecord(u[:40], u[:40], dt=0.01))
 
 
 @pytest.mark.parametrize(("method", "power"), [("local", 60), ("welch", -60), slow("local", -60), slow("welch", 60)])
