@@ -15,6 +15,7 @@ from robustid.report.design_page import expensive_members
 from support.command_line import words
 from support.design_cases import DT, band_of
 from support.forging import forge, kept
+from support.interrupts import ctrl_c
 from support.one_design import LIMITS, PI, small_band, small_design
 
 GAIN = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[1e-3]]))
@@ -115,11 +116,7 @@ def test_loading_tells_how_far_its_proofs_are_and_can_be_interrupted(tmp_path, c
     rid.load(tmp_path / "design", progress=lambda *one: told.append(one))
     text = "proving the controller on the whole axis"
     assert told == [(text, 0, 0), *((text, k, 3) for k in (1, 2, 3))]
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Plants, "proved", interrupted)
+    monkeypatch.setattr(Plants, "proved", ctrl_c)
     code, out, _ = words(["verify", str(tmp_path / "design")], capsys, monkeypatch)
     assert code == 130
     assert f"{text} …" in out

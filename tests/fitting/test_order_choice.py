@@ -13,6 +13,7 @@ from robustid.errors import InputTypeError
 from robustid.fitting import RollOff, Weight, suggest_order
 from robustid.fitting.order_choice import subspace_singular_values
 from robustid.fitting.order_fits import fit_one
+from support.interrupts import ctrl_c
 from support.mfd_systems import noisy, random_modal_system
 from support.pairwise import every_one
 from support.refusals import refusals
@@ -224,12 +225,9 @@ def test_an_interrupt_leaves_the_orders_finished(monkeypatch, caplog, inside):
     """Ctrl-C between fits, and inside one, which returns its best model with the status that says so."""
     fit = fit_one
 
-    def stop(*_):
-        raise KeyboardInterrupt
-
     def interrupted(frf, options, n):
         if n == 4:
-            return fit(frf, {**options, "progress": stop}, n) if inside else stop(n)
+            return fit(frf, {**options, "progress": ctrl_c}, n) if inside else ctrl_c()
         return fit(frf, options, n)
 
     frf = data(0, 1, 1, 2, 60)

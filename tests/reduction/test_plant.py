@@ -7,6 +7,7 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices, response_at
 from robustid.reduction import plant_of
+from support.interrupts import ctrl_c
 from support.loops import measured_machine
 
 
@@ -67,11 +68,7 @@ def test_where_the_time_is_over_the_plant_keeps_every_bound_all_the_same():
     assert small.finished
     assert small.order < found.order
     assert said[0][0] == "searching for the smallest plant"
-
-    def stop(_, done, count):
-        raise KeyboardInterrupt
-
-    ended = rid.reduce_plant(result, case.loop, progress=stop)
+    ended = rid.reduce_plant(result, case.loop, progress=ctrl_c)
     check(case, ended)
     assert not ended.finished
 

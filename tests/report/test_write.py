@@ -4,6 +4,7 @@ import pytest
 
 import robustid as rid
 from robustid.report import plot, write_report
+from support.interrupts import ctrl_c
 
 pytestmark = pytest.mark.quick
 
@@ -14,11 +15,7 @@ def test_a_failing_write_leaves_the_old_file(simple, tmp_path, monkeypatch):
     with pytest.raises(rid.InputError, match="models"):
         write_report(simple, path, models={"late": rid.datasets.flexible_structure().truth})  # another dt
     assert path.read_text() == "old"
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("os.replace", interrupted)
+    monkeypatch.setattr("os.replace", ctrl_c)
     with pytest.raises(KeyboardInterrupt):
         write_report(simple, path)
     monkeypatch.undo()
