@@ -12,6 +12,7 @@ from robustid.core import StateMatrices, described, made
 from robustid.design import FIR, PID, Attenuation, Bandwidth, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
 from robustid.errors import FileFormatError
 from robustid.report.design_page import expensive_members
+from support.cases import slow
 from support.command_line import words
 from support.design_cases import DT, band_of
 from support.forging import forge, kept
@@ -53,10 +54,8 @@ def test_a_controller_that_was_changed_is_not_proved(tmp_path):
     ("change", "status"),
     [
         (lambda text: text.update(level=1.5 * text["level"]), "FOUND"),
-        pytest.param(
-            lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND", marks=pytest.mark.slow, id="peak"
-        ),
-        pytest.param(lambda text: text.update(level=0.9 * text["level"]), "PROVED", marks=pytest.mark.slow, id="less"),
+        slow(lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND", id="peak"),
+        slow(lambda text: text.update(level=0.9 * text["level"]), "PROVED", id="less"),
     ],
 )
 def test_what_is_proved_is_what_the_file_asks(tmp_path, change, status):

@@ -148,11 +148,8 @@ SLOW = [(periodic, 3.7), (random_open, 3.7), (random_closed, 0.5 * 200**0.5)]
     ("measure", "most", "seeds", "held_in"),
     [
         (random_closed, 4, 4, (2, 4)),
-        *(
-            pytest.param(measure, 4, 12, (9, 12), marks=pytest.mark.slow)
-            for measure in (fewer_periodic, random_open, random_closed)
-        ),
-        *(pytest.param(*each, 200, (180, 198), marks=pytest.mark.slow) for each in SLOW),
+        *(slow(measure, 4, 12, (9, 12)) for measure in (fewer_periodic, random_open, random_closed)),
+        *(slow(*each, 200, (180, 198)) for each in SLOW),
     ],
 )
 def test_calibrated(measure, most, seeds, held_in):
@@ -172,7 +169,7 @@ def test_calibrated(measure, most, seeds, held_in):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seeds", "apart"), [(3, 0.15), pytest.param(30, 0.05, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seeds", "apart"), [(3, 0.15), slow(30, 0.05)])
 def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     """Without the reference, the noise that the loop feeds back biases the local method; with it, not.
 
@@ -195,7 +192,7 @@ def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     assert held[1] == 0
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(10)])
 def test_peak_of_a_lightly_damped_mode_against_welch(seeds):
     """0.5 % damping, 20 s of noise: local within 2 % for all seeds, Hann windows miss it by 7 % in the median."""
     found, smeared = [], []
@@ -271,7 +268,7 @@ def test_a_transient_shows_whether_the_input_repeats_exactly_or_almost(jitter):
     assert np.max(frf.bound) < 0.1
 
 
-@pytest.mark.parametrize(("records", "most"), [(25, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("records", "most"), [(25, 1), slow(200, 2)])
 def test_steady_periods_stay(records, most):
     """White noise on a steady record, an exact input: hardly one of a hundred loses a period."""
     lost = 0
