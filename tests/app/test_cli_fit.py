@@ -1,5 +1,6 @@
 """robustid fit on real files: a model on disk, sentences, exit codes."""
 
+import dataclasses
 import re
 from concurrent.futures import ThreadPoolExecutor
 
@@ -149,8 +150,6 @@ def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatc
 
 
 def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
-    import dataclasses
-
     import robustid.fitting
 
     real = robustid.fitting.fit_mfd

@@ -5,6 +5,7 @@ import dataclasses
 import control
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 import robustid as rid
 from robustid.advice import diagnose
@@ -140,8 +141,6 @@ def test_generated_columns_of_tilted_lines(parameters):
 
 def test_rows_of_a_taylor_form():
     """Columns by their formula, tilted; tails K rho^-L (2/pi) K(1/rho), which a tilt makes (1 + |kappa|) times larger."""
-    from scipy.special import ellipk
-
     problem, _ = elliptic(random_problem(0, "mixed", 12).with_prior(decay_rate=1.2), 1)
     rows = rid.identify(problem, form="taylor").formulation.data.rows
     (frf,), K, rho = problem.frequency, problem.prior.gain_bound, problem.prior.decay_rate

@@ -1,7 +1,5 @@
 """Pole-uncertainty boxes in continuous time: bands against models with other poles in the box, and misuse."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

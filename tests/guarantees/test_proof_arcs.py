@@ -1,7 +1,5 @@
 """Proofs on arcs of the frequency axis: the checker in C and the judge know the answers that are known by hand, and agree."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Matrices in proof files: what the samples of an entry prove is a file of that entry, which both checkers accept."""
 
-from __future__ import annotations
-
 import functools
 
 import control

@@ -1,7 +1,5 @@
 """What the examples find, as proof files: the checker in C proves all that the format expresses."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from typing import Any

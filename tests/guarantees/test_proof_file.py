@@ -1,7 +1,5 @@
 """Proofs as files: the checker in C accepts those of this package, and nothing that exact fractions do not confirm."""
 
-from __future__ import annotations
-
 import time
 from fractions import Fraction
 from typing import Any

@@ -1,7 +1,5 @@
 """Proofs over boxes of poles and in continuous time: by the checker in C, the judge in fractions, and plants of the box."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 from typing import Any

@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 from scipy.special import chdtrc
+from scipy.stats import binom
 
 import robustid as rid
 from robustid.core import fingerprint, simulate
@@ -52,8 +53,6 @@ def rate(count, compared):
 
 def at_most(found, probability=0.05):
     """So many false alarms, or fewer, are likely (99.9 %) where each has at most that probability."""
-    from scipy.stats import binom
-
     return sum(found) <= binom.ppf(0.999, len(found), probability)
 
 

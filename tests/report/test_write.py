@@ -1,5 +1,6 @@
 """Writing a page: what belongs to which result, and what a failure leaves."""
 
+import control
 import pytest
 
 import robustid as rid
@@ -59,8 +60,6 @@ def test_a_section_of_something_else_or_of_another_kind_of_result_is_refused(sim
 
 
 def test_misuse_is_named(simple, consistent, tmp_path):
-    import control
-
     with pytest.raises(
         rid.errors.InputTypeError, match="`models` must be models, by names, in a list or one; got 'model'"
     ):

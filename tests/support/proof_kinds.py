@@ -1,7 +1,5 @@
 """Random problems of proof files of every kind: of samples, with poles in a box, and in continuous time."""
 
-from __future__ import annotations
-
 import functools
 import json
 from typing import Any
