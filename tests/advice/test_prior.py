@@ -13,6 +13,7 @@ from robustid.core import Budget
 from robustid.errors import InputTypeError, SizeError
 from robustid.identification.formulation import formulate
 from support.cases import seeds
+from support.interrupts import ctrl_c_when
 from support.refusals import refusals
 from support.structure import ANY, about_structure, structure_problem
 
@@ -212,13 +213,7 @@ def test_a_search_that_ran_out_of_time_or_was_interrupted_returns_what_is_there(
     late = suggest_prior(problem, time_limit=1e-9)
     assert late.decay_rates.size == 1
     assert not late.complete
-
-    def stop(text, done, count):
-        assert count == 9
-        if done == 2:
-            raise KeyboardInterrupt
-
-    stopped = suggest_prior(problem, progress=stop)
+    stopped = suggest_prior(problem, progress=ctrl_c_when(lambda text, done, count: (done, count) == (2, 9)))
     assert stopped.decay_rates.size == 2
     assert not stopped.complete
 

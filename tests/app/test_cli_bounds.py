@@ -12,7 +12,7 @@ import pytest
 
 import robustid as rid
 from support import command_line
-from support.forging import forge, lower
+from support.forging import arrays_of, forge, lower
 from support.problems import random_problem
 from support.report_pages import Page
 
@@ -198,8 +198,7 @@ def test_a_forged_bound_is_named(files, run):
 
 
 def test_changed_data_are_refused(files, run):
-    with np.load("good.npz") as archive:
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = arrays_of(files / "good")
     np.savez("good.npz", **arrays | {"problem/time/0/y": arrays["problem/time/0/y"] * 1.01})
     command_line.refused(run("verify", "good"), "digest")
 

@@ -1,5 +1,6 @@
 """robustid fit on real files: a model on disk, sentences, exit codes."""
 
+import dataclasses
 import re
 from concurrent.futures import ThreadPoolExecutor
 
@@ -11,6 +12,7 @@ import robustid as rid
 from robustid.fitting import FitStatus
 from robustid.formats import load_model
 from support import command_line
+from support.interrupts import ctrl_c
 from support.mfd_systems import noisy, random_modal_system
 
 HZ = 2 * np.pi
@@ -148,8 +150,6 @@ def test_order_auto_takes_the_smallest_description_length(files, run, monkeypatc
 
 
 def test_not_converged_exits_with_1_and_still_writes(files, run, monkeypatch):
-    import dataclasses
-
     import robustid.fitting
 
     real = robustid.fitting.fit_mfd
@@ -215,10 +215,7 @@ def test_misuse_exits_with_2_and_one_sentence(files, run, arguments, words):
 
 
 def test_ctrl_c_while_the_page_is_drawn_leaves_the_model(files, run, monkeypatch):
-    def stop(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("robustid.report.render_report", stop)
+    monkeypatch.setattr("robustid.report.render_report", ctrl_c)
     code, out, _ = run(
         ["hertz.npz", "--frequency-unit", "Hz", "--order", "4", "-o", "alone.mat", "--report", "no.html"]
     )

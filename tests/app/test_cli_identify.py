@@ -8,6 +8,7 @@ import pytest
 import scipy.io
 
 import robustid as rid
+from robustid.formats import load_model
 from robustid.identification.verification import Check
 from robustid.identification.verification import verify as consistency_verify
 from support.command_line import CLASS, COMMAND, SHORT, nothing_written, refused
@@ -25,7 +26,6 @@ def test_identify_reduce_and_report_on_files(files, run):
     assert "order 4" in out
     code, _, _ = run(["reduce", "small.mat", "--order", "2", "-o", "smaller.npz"])
     assert code == 0
-    from robustid.formats import load_model
 
     assert load_model("smaller.npz").nstates == 2
     assert load_model("small.mat").dt == 0.01

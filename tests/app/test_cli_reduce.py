@@ -7,6 +7,7 @@ import pytest
 import robustid as rid
 from robustid.formats import load_model, save_model
 from support.command_line import nothing_written, refused
+from support.reduction_models import random_model
 from support.two_mode_models import two_modes
 
 pytestmark = pytest.mark.quick
@@ -55,7 +56,6 @@ def test_static_gain_is_kept(model, run):
 
 def test_an_unstable_outcome_exits_with_1(tmp_path, run, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    from support.reduction_models import random_model
 
     for seed in range(60):
         given = random_model(np.random.default_rng(seed), discrete=False)

@@ -1,5 +1,7 @@
 """robustid control, and [controller] in a run file: a controller with its proof, its page and its files."""
 
+import dataclasses
+
 import control
 import numpy as np
 import pytest
@@ -74,8 +76,6 @@ def test_the_report_of_a_design_says_on_request_what_would_help(here, capsys, mo
 
 
 def test_exit_codes_say_what_was_found(here, capsys, monkeypatch):
-    import dataclasses
-
     design = small_design()
     none = dataclasses.replace(design, status=DesignStatus.NONE, controller=None, proofs=(), shares={}, level=0.0)
     found = dataclasses.replace(design, status=DesignStatus.FOUND)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.io
 
 from robustid.app.run.constant_matrix import matrix_text
 from robustid.app.run.controller_settings import ControllerChoice
@@ -45,8 +46,6 @@ def test_matrices_are_read():
 
 
 def test_constant_matrices_stand_around_a_structure(tmp_path):
-    import scipy.io
-
     turn = np.array([[1.0, -0.5], [0.25, 2.0], [0.0, 1.0]])
     np.savetxt(tmp_path / "turn.csv", turn, delimiter=",")
     np.savez(tmp_path / "turn.npz", turn=turn)

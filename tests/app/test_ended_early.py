@@ -16,6 +16,7 @@ from robustid.app.cli import screen
 from robustid.app.run import sequence
 from robustid.core import Budget, Interruptible, Stops, Unfinished
 from support.command_line import CLASS, COMMAND
+from support.interrupts import ctrl_c, ctrl_c_when
 from support.run_files import CLASS as STATED
 from support.run_files import DATA, QUICK, ask
 
@@ -40,21 +41,21 @@ def test_a_listener_hears_of_ctrl_c_that_a_loop_keeps_back():
     assert deaf.unfinished is None
 
 
-def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files, run, monkeypatch):
-    told = screen.told
+def stopping(monkeypatch, holds):
+    """Ctrl-C where the command says a step for which `holds(text, done, count)`."""
+    told, stop = screen.told, ctrl_c_when(holds)
 
-    def stopping(*options):
+    def telling(*options):
         own = told(*options)
+        return lambda *step: (own(*step), stop(*step))
 
-        def progress(text, done, count):
-            own(text, done, count)
-            if count and "smallest order" in text:
-                raise KeyboardInterrupt
+    monkeypatch.setattr(screen, "told", telling)
 
-        return progress
 
-    monkeypatch.setattr(screen, "told", stopping)
-    code, out, err = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"])
+def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files, run, monkeypatch):
+    with monkeypatch.context() as patch:
+        stopping(patch, lambda text, done, count: count and "smallest order" in text)
+        code, out, err = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html"])
     assert code == 130
     assert "interrupted: what was found by then is written" in err
     words = " ".join((out + err).split())
@@ -66,7 +67,6 @@ def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files,
     before, after = first_screen(files / "first.html")
     assert said in " ".join(before.split())
     assert "Consistent" in after
-    monkeypatch.setattr(screen, "told", told)
     said = "Interrupted: Ctrl-C ended the identification before its end: what stands here was found by then"
     again = rid.load("first")
     assert again.choices["unfinished"].value == Unfinished((), True, run="the identification")
@@ -76,11 +76,8 @@ def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files,
 
 
 def test_ctrl_c_while_the_page_is_drawn_loses_the_page_alone(files, run, monkeypatch):
-    def stop(*_, **__):
-        raise KeyboardInterrupt
-
     with monkeypatch.context() as use:
-        use.setattr("robustid.report.render_report", stop)
+        use.setattr("robustid.report.render_report", ctrl_c)
         code, out, err = run([*COMMAND, *CLASS, "-o", "drawn", "--no-reduce", "--report", "drawn.html"])
     assert code == 130
     assert "next, the page, which Ctrl-C has left out: robustid report drawn -o drawn.html" in " ".join(
@@ -108,19 +105,7 @@ def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit
     omega = np.linspace(1.0, 20.0, 60)
     values = sum(1 / ((1j * omega) ** 2 + 0.02j * one * omega + one**2) for one in (3.0, 7.0, 15.0))
     rid.save("frf.npz", rid.FrequencyResponse(omega, values + 1e-4 * np.random.default_rng(0).normal(size=60)))
-    told = screen.told
-
-    def stopping(*options):
-        own = told(*options)
-
-        def progress(text, done, count):
-            own(text, done, count)
-            if "range of orders" in text and done > 2:
-                raise KeyboardInterrupt
-
-        return progress
-
-    monkeypatch.setattr(screen, "told", stopping)
+    stopping(monkeypatch, lambda text, done, count: "range of orders" in text and done > 2)
 
     class Threads(ThreadPoolExecutor):  # processes would import everything
         def end(self):
@@ -138,11 +123,8 @@ def test_an_interrupted_sweep_over_the_order_is_said_first_and_kept_with_the_fit
 
 
 def test_a_circle_that_ctrl_c_left_out_is_named(folder, run, monkeypatch):
-    def stop(*_, **__):
-        raise KeyboardInterrupt
-
     assert run([*COMMAND, *CLASS, "-o", "circled", "--no-reduce"])[0] == 0
-    monkeypatch.setattr("robustid.guarantees.WorstCaseError.on_circle", stop)
+    monkeypatch.setattr("robustid.guarantees.WorstCaseError.on_circle", ctrl_c)
     code, out, err = run(
         ["bounds", "circled", "--circle", "--omega", "60", "--directions", "3", "-o", "circled-bounds"]
     )
@@ -191,11 +173,7 @@ def test_a_search_for_a_contradiction_has_a_share_of_the_time_and_says_that_it_i
 @pytest.mark.usefixtures("unreduced")
 def test_ctrl_c_while_a_band_is_narrowed_keeps_what_is_proved_on_a_page(folder):
     """The verdict, the band and polygons that were found by then; nothing is searched between them any more."""
-
-    def stop(text, done, count):
-        if "narrowing" in text and done == 1:
-            raise KeyboardInterrupt
-
+    stop = ctrl_c_when(lambda text, done, count: "narrowing" in text and done == 1)
     stated = {"worst_case": {"directions": 4}}
     result = rid.run(ask(folder, DATA, {"prior": STATED["prior"]}, stated), "out", progress=stop)
     assert result.unfinished.interrupted
@@ -217,10 +195,7 @@ def test_a_run_in_its_time_leaves_nothing_out(folder):
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", [True, False])
 def test_an_interrupted_run_is_gone_on_with_where_something_keeps_it(folder, kept):
-    def stop(text, done, count):
-        if count and "smallest order" in text:
-            raise KeyboardInterrupt
-
+    stop = ctrl_c_when(lambda text, done, count: count and "smallest order" in text)
     path = ask(folder, DATA, STATED, {"worst_case": {"compute": False}})
     if kept:
         result = rid.run(path, "out", progress=stop)

@@ -16,6 +16,7 @@ from robustid.app.explore.views import View, views
 from robustid.core import Interruptible
 from robustid.errors import InputError
 from support.explored import run_file, served, session, until
+from support.interrupts import ctrl_c
 
 pytest.importorskip("dash")
 
@@ -134,16 +135,13 @@ def test_the_command_says_the_address_and_ends_with_ctrl_c(tmp_path, run, monkey
     run_file(tmp_path)
     opened = []
 
-    def interrupted(_):
-        raise KeyboardInterrupt
-
     def kept_back(*asked):
         with Interruptible():  # a loop that has something to return
             raise KeyboardInterrupt
         return views(*asked)
 
     monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))  # there is no browser
-    monkeypatch.setattr("robustid.app.explore.server.Server.serve", interrupted)
+    monkeypatch.setattr("robustid.app.explore.server.Server.serve", ctrl_c)
     options = ["--frequency-bound", "0.03", "--dt", "0.01"]
     for arguments in (["ask.toml"], ["frf.csv", *options]):
         code, out, _ = run(["explore", *arguments])

@@ -31,9 +31,9 @@ def test_the_folder_of_a_run_stands_for_its_result(result, tmp_path, monkeypatch
     assert rid.load(folder).margin == other.margin != result.margin
 
 
-def model(order=2):
+def model(order=2, dt=0.1):
     rng = np.random.default_rng(order)
-    return control.ss(0.5 * np.eye(order), rng.normal(size=(order, 2)), rng.normal(size=(1, order)), [[0.0, 1.0]], 0.1)
+    return control.ss(0.5 * np.eye(order), rng.normal(size=(order, 2)), rng.normal(size=(1, order)), [[0.0, 1.0]], dt)
 
 
 THINGS = {
@@ -58,14 +58,15 @@ def test_what_is_measured_or_played_comes_back(name, tmp_path):
         np.testing.assert_array_equal(getattr(again, field), getattr(thing, field))
 
 
-@pytest.mark.parametrize("order", [0, 2])
+@pytest.mark.parametrize(("order", "dt"), [(0, 0.1), (2, 0.1), (2, 0)])
 @pytest.mark.parametrize("ending", ["npz", "mat"])
-def test_models_come_back(order, ending, tmp_path):
-    rid.save(tmp_path / f"model.{ending}", model(order))
+def test_models_come_back(order, dt, ending, tmp_path):
+    given = model(order, dt)
+    rid.save(tmp_path / f"model.{ending}", given)
     again = rid.load(tmp_path / f"model.{ending}")
     for name in "ABCD":
-        np.testing.assert_array_equal(getattr(again, name), getattr(model(order), name))
-    assert again.dt == 0.1
+        np.testing.assert_array_equal(getattr(again, name), getattr(given, name))
+    assert again.dt == dt
     assert rid.load(tmp_path / f"model.{ending}", dt=0.2).dt == 0.2
 
 

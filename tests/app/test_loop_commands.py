@@ -11,6 +11,7 @@ from robustid.app.run.run_file import read_run_file
 from robustid.errors import FileFormatError, InputError
 from support.command_line import main, one_screen, refused, to_paste, words
 from support.forging import forge, kept
+from support.interrupts import ctrl_c
 
 DT = 0.01
 OMEGA = np.linspace(5.0, 300.0, 12)
@@ -147,11 +148,7 @@ def test_a_controller_by_its_response_is_the_same_controller(here, capsys, monke
 
 def interrupting(monkeypatch, module, name):
     """Ctrl-C in the next call of a function of a module of guarantees."""
-
-    def stopped(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(importlib.import_module(f"robustid.guarantees.{module}"), name, stopped)
+    monkeypatch.setattr(importlib.import_module(f"robustid.guarantees.{module}"), name, ctrl_c)
 
 
 def test_ctrl_c_keeps_the_controllers_that_were_tried(here, capsys, monkeypatch):

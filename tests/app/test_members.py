@@ -12,6 +12,7 @@ from robustid.app.run import sequence
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.toml import write_toml
 from robustid.core import Unfinished
+from support.cases import slow
 from support.families import DT, LINES, measured, truth
 from support.faulty_files import CLASS_KEYS, response
 from support.report_pages import Page
@@ -161,9 +162,7 @@ def moved(tmp_path, points=9, **sections):
 
 
 @pytest.mark.usefixtures("unpaged")
-@pytest.mark.parametrize(
-    "modes", [{}, pytest.param({"hz": [1.28], "damping": [0.03], "delay": 1}, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("modes", [{}, slow({"hz": [1.28], "damping": [0.03], "delay": 1})])
 def test_every_member_has_its_own_poles_and_their_box(tmp_path, modes):
     """As the family that is made by hand with the boxes that the effective run file states; the true poles lie inside."""
     path, place = moved(tmp_path, modes=modes, prior={"gain_bound": 0.3, "decay_rate": 1.5})

@@ -5,6 +5,7 @@ import pytest
 
 import robustid as rid
 from robustid.app.run.class_settings import PriorChoice, prior_keys
+from support.cases import slow
 from support.networks import battery
 from support.posed import proposed
 from support.run_files import ask
@@ -60,9 +61,7 @@ def cell(seed=0, points=66, noise=0.002):
     return rid.FrequencyResponse(omega, battery(omega) * (1 + errors))
 
 
-@pytest.mark.parametrize(
-    ("seed", "points"), [(0, 28), *(pytest.param(seed, 66, marks=pytest.mark.slow) for seed in range(1, 7))]
-)
+@pytest.mark.parametrize(("seed", "points"), [(0, 28), *(slow(seed, 66) for seed in range(1, 7))])
 def test_an_impedance_over_decades_needs_no_more_than_the_data(seed, points):
     frf = rid.estimate_bound(cell(seed, points))
     truth = battery(frf.omega)
@@ -92,7 +91,7 @@ def test_a_run_chooses_poles_and_decay_of_an_impedance_over_decades(tmp_path):
     assert "a sum of passive modes and of F" in (tmp_path / "out" / "report.html").read_text()
 
 
-@pytest.mark.parametrize("points", [12, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("points", [12, slow(150)])
 @pytest.mark.parametrize("kind", ["bounded real", "negative imaginary", "positive real"])
 def test_a_decay_is_chosen_at_which_the_plant_is_passive(kind, points):
     """A lossy resonance on a line, a displacement per force (with a slack), a velocity per force: passive up to 10, 5 and 10."""

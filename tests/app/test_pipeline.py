@@ -10,7 +10,9 @@ import pytest
 import robustid as rid
 from robustid.app.run import modes, sequence
 from robustid.identification import model_residuals
+from support.interrupts import ctrl_c
 from support.measured import needs
+from support.refusals import refused
 from support.run_files import CLASS, DATA, EXAMPLES, QUICK, SHORT, ask, keep_discs, keep_whole
 
 
@@ -115,6 +117,7 @@ def test_contradicting_data_end_with_a_finding_and_nothing_is_widened(folder, ru
     assert "Most likely cause" in page.split('<details class="part">')[0]
     assert np.array_equal(result.problem.frequency[0].bound, rid.load("frf.csv").bound)
     assert "No system of the class explains the data: the other samples leave" in out
+    assert " of 12 samples outside their bounds: " in out
     assert out.index("No system of the class") < out.index("The data contradict the class")
     assert "each pair repeated once more" in out
     assert "Nothing was widened" in out
@@ -198,12 +201,8 @@ def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
     one = {"worst_case": {"at_hz": [5.0], "directions": 3}}
     ask(folder, DATA, {"prior": CLASS["prior"]}, one)
     whole = rid.run("ask.toml", "whole")
-
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
     with monkeypatch.context() as patch:
-        patch.setattr(rid.guarantee.Band, "refine", interrupted)
+        patch.setattr(rid.guarantee.Band, "refine", ctrl_c)
         code, out, err = run(["run", "ask.toml", "-o", "out"])
     assert code == 130
     assert "--resume" in out
@@ -286,23 +285,10 @@ def test_identify_reduced_of_a_problem():
     np.testing.assert_array_equal(result.error.upper, result.worst_case.with_model(result.model).upper)
     assert "bounding the error at every frequency" in lines
     assert "given in Python" in result.run_file.text()
-    with pytest.raises(rid.InputError, match="`prior` is part of the problem already"):
-        rid.identify_reduced(problem, prior=prior)
-    with pytest.raises(rid.errors.InputTypeError, match="sequence of these two; got int"):
-        rid.identify_reduced(3)
-    with pytest.raises(rid.InputError, match="bound on every sample"):
-        rid.identify_reduced(dataclasses.replace(data.frequency, bound=None))
-    with pytest.raises(rid.InputError, match=r"`inflate` must be .auto. or a number"):
-        rid.identify_reduced(problem, inflate="very")
-
-
-def test_samples_outside_are_named():
-    """A bound that no truncated model keeps: the identified one is inflated, and the samples outside stand in a finding."""
-    first = rid.FrequencyResponse([50.0], [1.0], bound=0.01, dt=0.01)
-    second = rid.FrequencyResponse([50.0], [2.0], bound=0.01, dt=0.01)
-    result = rid.identify_reduced([first, second], modes=[], worst_case=False)
-    assert not result.consistent
-    assert "2 of 2 samples outside their bounds: 7.9577 Hz (50 bounds)" in " ".join(result.findings)
+    refused("`prior` is part of the problem already", rid.identify_reduced, problem, prior=prior)
+    refused("sequence of these two; got int", rid.identify_reduced, 3, error=rid.errors.InputTypeError)
+    refused("bound on every sample", rid.identify_reduced, dataclasses.replace(data.frequency, bound=None))
+    refused(r"`inflate` must be .auto. or a number", rid.identify_reduced, problem, inflate="very")
 
 
 def torsion(tmp_path, **changes):

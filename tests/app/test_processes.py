@@ -13,6 +13,7 @@ from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.posing import posed
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.run_folder import Surroundings
+from support.cases import slow
 from support.fault_plants import recipes
 from support.processes import Process, beside, process_of
 from support.short_records import judged_response
@@ -80,10 +81,8 @@ def test_dead_time_is_found_with_the_poles(bound):
     np.testing.assert_allclose(1 / found.omega, [60, 15], rtol=1e-6)
 
 
-@pytest.mark.parametrize("dead", [pytest.param(0, marks=pytest.mark.slow), 7])
-@pytest.mark.parametrize(
-    "constants", [*(pytest.param(one, marks=pytest.mark.slow) for one in ([20.0], [60.0, 15.0])), [90.0, 30.0, 8.0]]
-)
+@pytest.mark.parametrize("dead", [slow(0), 7])
+@pytest.mark.parametrize("constants", [*(slow(one) for one in ([20.0], [60.0, 15.0])), [90.0, 30.0, 8.0]])
 def test_real_poles_of_exact_data_are_exact(constants, dead):
     plant = Process(np.array(constants), np.array([1.0, -0.4, 0.3])[: len(constants)], False, dead)
     frf = rid.FrequencyResponse(OMEGA, plant.response(OMEGA), bound=1e-6, dt=1.0)

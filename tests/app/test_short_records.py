@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.short_records import judged, record_of
 
 
@@ -24,13 +25,9 @@ def counted(seeds):
     return band, boxes
 
 
-def test_band_of_half_a_second_holds_the_truth():
-    assert min(counted([0])) == 1
-
-
-@pytest.mark.slow
-def test_band_of_half_a_second_holds_the_truth_in_forty_seeds():
-    assert min(counted(range(40))) >= 34
+@pytest.mark.parametrize(("seeds", "least"), [(1, 1), slow(40, 34)])
+def test_band_of_half_a_second_holds_the_truth(seeds, least):
+    assert min(counted(range(seeds))) >= least
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from robustid.app.run.run_file import read_run_file
 from robustid.errors import InputError, SizeError
 from robustid.guarantees import FleetRow, FleetState
 from support.fleets import numbers
+from support.interrupts import ctrl_c
 from support.run_files import CLASS, QUICK, ask
 
 
@@ -93,14 +94,10 @@ def test_entries_that_were_not_reached_are_named_and_many_shortened(tmp_path):
     """As after Ctrl-C: the others have no row."""
     items = [fleet.Item(f"m-{k}-0", "m.toml", str(tmp_path / f"m-{k}-0"), force=False, static=False) for k in range(14)]
     rows = [FleetRow(one.name, FleetState.CONSISTENT, "") for one in items[:2]]
-
-    def stop(*_):
-        raise KeyboardInterrupt
-
     for row in rows:
         Kept(row, "").write(tmp_path / row.name)
     with ThreadPoolExecutor(1) as executor, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fleet, "run_item", stop)
+        patch.setattr(fleet, "run_item", ctrl_c)
         found = fleet.run_fleet(items, tmp_path, executor, tmp_path / fleet.TABLE, thing="entry")
     assert found.left == tuple(one.name for one in items[2:])
     said = f"Not run yet: {', '.join(found.left[:10])} and 2 more."

@@ -12,6 +12,7 @@ from robustid.app.run.settings import Modes, Withheld
 from robustid.errors import InputError
 from robustid.report.identification_page import identification_page, identification_summary
 from robustid.report.live import live_words
+from support.cases import slow
 from support.run_files import keep_whole
 from support.suspect_data import KINDS, UNDONE, chosen, chosen_of_structure, records, responses, structure
 
@@ -42,8 +43,8 @@ def test_a_record_that_the_response_contradicts_is_named_and_the_class_is_that_o
     is_named(only(problem.data_faults), name)
 
 
-@pytest.mark.parametrize("name", ["scale", *(pytest.param(name, marks=pytest.mark.slow) for name in ("plant", *KINDS))])
-@pytest.mark.parametrize("place", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["scale", *(slow(name) for name in ("plant", *KINDS))])
+@pytest.mark.parametrize("place", [0, slow(1), slow(2)])
 def test_one_response_of_three_is_named_wherever_it_stands(name, place):
     faults = ["clean"] * 3
     faults[place] = name
@@ -54,7 +55,7 @@ def test_one_response_of_three_is_named_wherever_it_stands(name, place):
     is_named(fault, name)
 
 
-@pytest.mark.parametrize("name", ["sign", pytest.param("late", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["sign", slow("late")])
 def test_one_record_of_three_is_named(name):
     run, problem = chosen(records("stage", 0, [name, "clean", "clean"]), run=STATED if name == "sign" else None)
     assert run.prior.without == ("time 1",)
@@ -62,7 +63,7 @@ def test_one_record_of_three_is_named(name):
     assert only(problem.data_faults).record == 1
 
 
-@pytest.mark.parametrize("samples", [12, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("samples", [12, slow(20)])
 def test_what_stands_alone_against_the_others_is_named(samples):
     """Two records that agree with each other outvote the response."""
     responses_, (first,) = structure(0, "sign", samples=samples)
@@ -83,7 +84,7 @@ def test_records_that_agree_against_as_many_responses_are_named_together():
     assert [one.solves for one in found.causes[:2]] == [True, True]
 
 
-@pytest.fixture(scope="module", params=[12, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[12, slow(20)])
 def whole(request):
     """The data, with so many time samples, and the run of them."""
     data = structure(0, "sign", samples=request.param)
@@ -125,7 +126,7 @@ def test_the_fault_is_kept_with_the_result_and_by_its_run_file(whole, tmp_path):
     assert problem.faults == result.problem.faults
 
 
-@pytest.mark.parametrize("lines", [20, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lines", [20, slow(60)])
 def test_a_record_that_no_class_is_needed_for_is_named_once_and_not_chosen_from(lines):
     """`experiment_faults` contradicts it; of few lines it finds no correction, and the class does."""
     if lines == 20:
@@ -155,9 +156,7 @@ CLEAN = {
 
 
 @pytest.mark.parametrize(
-    ("name", "seeds"),
-    [("response and step", range(1))]
-    + [pytest.param(name, range(1000, 1200), marks=pytest.mark.slow) for name in CLEAN],
+    ("name", "seeds"), [("response and step", range(1))] + [slow(name, range(1000, 1200)) for name in CLEAN]
 )
 def test_clean_experiments_are_accused_of_nothing(name, seeds):
     accused = [seed for seed in seeds if CLEAN[name](seed)[0].prior.without]

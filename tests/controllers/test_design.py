@@ -14,6 +14,7 @@ from robustid.controllers.structure import basis_of
 from robustid.core import StateMatrices, points_of
 from robustid.design import FIR, PID, Bandwidth, Fixed, LeadLag, Limits, LowPass, Notch
 from support.design_cases import DT, PEAK, band_of, reached, values_of
+from support.unstable_loop import growing
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.001])
@@ -174,13 +175,8 @@ def test_a_design_is_proved_and_its_own_plant_keeps_it(first):
 
 def test_an_unstable_plant_in_its_loop():
     """The mass of 1/(z - 1.1) under the gain .5: PI in place of it, from the loop that ran."""
-    plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, DT), control.ss([], [], [], 0.5, DT)
-    loop, omega = rid.Loop(gain), np.linspace(5.0, 300.0, 20)
-    R = loop.residual_of(plant)
-    frf = rid.FrequencyResponse(omega, loop.response_of(R, omega), bound=0.01, dt=DT)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=8.8, decay_rate=1.4))
-    bounds = rid.loop_bounds(rid.band(rid.identify(problem)).with_model(R), loop)
-    found = rid.design_controller(bounds, PID(), maximise="integral gain")
+    plant, loop, _, band = growing()
+    found = rid.design_controller(rid.loop_bounds(band, loop), PID(), maximise="integral gain")
     assert found.status.name == "PROVED"
     assert np.abs(control.feedback(plant, found.controller).poles()).max() < 1
     assert found.level > 0

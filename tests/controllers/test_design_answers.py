@@ -20,6 +20,7 @@ from robustid.controllers.structure import as_structure
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Attenuation, LeadLag, Limits, Notch
 from support.design_cases import DT, band_of, lag_band
+from support.interrupts import ctrl_c_at_call
 from support.one_design import small_band
 
 P = PID(integral=False)
@@ -219,14 +220,7 @@ def test_the_time_is_over_before_and_after_something_is_found(band, monkeypatch)
 
 
 def test_ctrl_c_keeps_what_was_found_and_proves_it(band, monkeypatch):
-    heard = []
-
-    def progress(text, done, count):
-        heard.append(text)
-        if len(heard) == 4:
-            raise KeyboardInterrupt
-
-    found = rid.design_controller(band, P, progress=progress)
+    found = rid.design_controller(band, P, progress=ctrl_c_at_call(4))
     assert (found.status.name, found.finished) == ("PROVED", False)
     monkeypatch.setattr(proved_search.At, "first", lambda self: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):

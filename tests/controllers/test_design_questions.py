@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import FIR, PID, Attenuation, Fixed, Limits, LowPass, Notch
 from support.cases import slow
-from support.design_cases import DT, lag_band, matrix_band_of
+from support.design_cases import DT, lag_band, matrix_band_of, values_of
 
 TOP = f"{math.pi / DT:.5g}"
 
@@ -19,8 +18,7 @@ TOP = f"{math.pi / DT:.5g}"
 def banded(model, **data):
     """The band about a model, of its own response."""
     omega = np.linspace(3.0, 300.0, 12)
-    values = response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
-    frf = rid.FrequencyResponse(omega, values, **{"bound": 0.01, "dt": model.dt or None, **data})
+    frf = rid.FrequencyResponse(omega, values_of(model, omega), **{"bound": 0.01, "dt": model.dt or None, **data})
     decay = {"decay_rate": 1.08} if model.dt else {"decay": 10.0}
     return rid.band(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.2, **decay)), model=model)
 

@@ -12,9 +12,11 @@ from robustid.core import StateMatrices, described, made
 from robustid.design import FIR, PID, Attenuation, Bandwidth, Fixed, LeadLag, LeastControl, Limits, LowPass, Notch
 from robustid.errors import FileFormatError
 from robustid.report.design_page import expensive_members
+from support.cases import slow
 from support.command_line import words
 from support.design_cases import DT, band_of
 from support.forging import forge, kept
+from support.interrupts import ctrl_c
 from support.one_design import LIMITS, PI, small_band, small_design
 
 GAIN = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[1e-3]]))
@@ -52,10 +54,8 @@ def test_a_controller_that_was_changed_is_not_proved(tmp_path):
     ("change", "status"),
     [
         (lambda text: text.update(level=1.5 * text["level"]), "FOUND"),
-        pytest.param(
-            lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND", marks=pytest.mark.slow, id="peak"
-        ),
-        pytest.param(lambda text: text.update(level=0.9 * text["level"]), "PROVED", marks=pytest.mark.slow, id="less"),
+        slow(lambda text: text["limits"].update(sensitivity_peak=1.2), "FOUND", id="peak"),
+        slow(lambda text: text.update(level=0.9 * text["level"]), "PROVED", id="less"),
     ],
 )
 def test_what_is_proved_is_what_the_file_asks(tmp_path, change, status):
@@ -115,11 +115,7 @@ def test_loading_tells_how_far_its_proofs_are_and_can_be_interrupted(tmp_path, c
     rid.load(tmp_path / "design", progress=lambda *one: told.append(one))
     text = "proving the controller on the whole axis"
     assert told == [(text, 0, 0), *((text, k, 3) for k in (1, 2, 3))]
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Plants, "proved", interrupted)
+    monkeypatch.setattr(Plants, "proved", ctrl_c)
     code, out, _ = words(["verify", str(tmp_path / "design")], capsys, monkeypatch)
     assert code == 130
     assert f"{text} …" in out

@@ -15,21 +15,11 @@ from robustid.controllers.plants import Plants
 from robustid.controllers.program import Functions, _pauli, _triangle
 from robustid.controllers.search import _ask
 from robustid.controllers.structure import as_structure, basis_of, integral_gain
-from robustid.core import StateMatrices, points_of, response_at
+from robustid.core import StateMatrices
 from robustid.design import PID, Limits, Matrix, Notch
-from support.design_cases import DT, matrix_band_of
-
-
-def responses(model, omega):
-    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))
-
-
-def random(rng, *shape):
-    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
-
-
-def largest(matrices):
-    return np.linalg.norm(matrices, 2, axis=(-2, -1))
+from support.design_cases import DT, largest, matrix_band_of, responses
+from support.mimo_data import complex_normal
+from support.refusals import refused
 
 
 def test_a_matrix_of_structures_holds_each_entry():
@@ -53,11 +43,11 @@ def test_a_matrix_of_structures_holds_each_entry():
 def test_hermitian_cones_are_eigenvalues():
     rng = np.random.default_rng(1)
     for _ in range(20):
-        X = random(rng, 2, 2)
+        X = complex_normal(rng, 2, 2)
         least = np.linalg.eigvalsh((X + X.conj().T) / 2)[0]
         number, *vector = _pauli(X)
         assert number - np.linalg.norm(vector) == pytest.approx(least, abs=1e-12)
-        Y = random(rng, 3, 3)
+        Y = complex_normal(rng, 3, 3)
         rows, whole = _triangle(Y), np.zeros((6, 6))
         columns, lines = np.tril_indices(6)
         whole[lines, columns] = rows / np.where(lines == columns, 1, np.sqrt(2))
@@ -68,9 +58,9 @@ def test_hermitian_cones_are_eigenvalues():
 def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
     """|S|, |T|, |C S|, |P S| and the bandwidth, where the conditions say so, against members at the edge of the ball."""
     rng = np.random.default_rng(2)
-    centre, units = random(rng, 1, 2, 2), np.array([[1.0, 0.3]])
+    centre, units = complex_normal(rng, 1, 2, 2), np.array([[1.0, 0.3]])
     discs = Discs.of(np.ones(1), centre, np.array([0.1]), units)
-    change = random(rng, 500, 2, 2)
+    change = complex_normal(rng, 500, 2, 2)
     change *= (0.1 * rng.choice([1, 1, 0.5], 500) / largest(change))[:, None, None]
     P = centre + change * units[:, None, :]
     one = np.eye(2)
@@ -99,7 +89,7 @@ def test_conditions_of_matrices_hold_for_all_members_of_a_ball():
         (condition,) = (one for one in every if one.place.size)
         kept = 0
         for _ in range(60):
-            C = random(rng, 2, 2) * 10 ** rng.uniform(-1, 0.7)
+            C = complex_normal(rng, 2, 2) * 10 ** rng.uniform(-1, 0.7)
             if condition.excess(C[None])[0] >= 0:
                 kept += 1
                 assert largest(part(P @ C, C)).max() <= limit * (1 + 1e-9), name
@@ -117,8 +107,8 @@ def test_with_its_own_direction_a_cone_is_the_condition():
             self.found = np.einsum("nmij,m->nij", values, x) + fixed
 
     rng = np.random.default_rng(3)
-    discs = Discs.of(np.ones(4), random(rng, 4, 3, 3), np.zeros(4), np.ones((4, 3)))
-    basis, x = random(rng, 4, 5, 3, 3), rng.standard_normal(5)
+    discs = Discs.of(np.ones(4), complex_normal(rng, 4, 3, 3), np.zeros(4), np.ones((4, 3)))
+    basis, x = complex_normal(rng, 4, 5, 3, 3), rng.standard_normal(5)
     C = np.einsum("fmij,m->fij", basis, x)
     (condition,) = conditions_of(Limits(), discs)
     seen = Seen()
@@ -132,14 +122,14 @@ def test_values_between_axes_bound_those_of_the_whole():
     sizes, into, out_of = rng.uniform(0, 1, (20, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 4))
     q = sizes[:, :, None] * np.eye(3)
     for held in (np.eye(2), np.ones((2, 2))):
-        functions = Functions(random(rng, 20, 5, 2, 2) * held, into, out_of)
+        functions = Functions(complex_normal(rng, 20, 5, 2, 2) * held, into, out_of)
         x = rng.standard_normal(5)
         true = largest(q @ np.einsum("nmij,m->nij", functions.whole, x))
         found = largest(np.einsum("nmij,m->nij", functions.scaled(q), x))
         assert np.all(found >= true * (1 - 1e-12))
         if held.sum() == 4:
             assert found == pytest.approx(true)
-    alone = Functions(random(rng, 20, 5, 3, 3) * np.eye(3), np.eye(3), np.eye(3))
+    alone = Functions(complex_normal(rng, 20, 5, 3, 3) * np.eye(3), np.eye(3), np.eye(3))
     true = largest(q @ np.einsum("nmij,m->nij", alone.whole, x))
     assert largest(np.einsum("nmij,m->nij", alone.scaled(q), x)) == pytest.approx(true)
 
@@ -316,9 +306,6 @@ def test_what_makes_no_sense_for_a_matrix_is_refused(small, change, words):
 
 
 def test_matrices_that_are_none_are_refused():
-    with pytest.raises(rid.InputError, match="rows of one length"):
-        Matrix([[PID()], [PID(), None]])
-    with pytest.raises(rid.InputError, match="`sensors` must have 2 rows"):
-        Matrix([[PID(), None], [None, PID()]], sensors=np.eye(3))
-    with pytest.raises(rid.InputError, match="at least one factor"):
-        Matrix([[None]])
+    refused("rows of one length", Matrix, [[PID()], [PID(), None]])
+    refused("`sensors` must have 2 rows", Matrix, [[PID(), None], [None, PID()]], sensors=np.eye(3))
+    refused("at least one factor", Matrix, [[None]])

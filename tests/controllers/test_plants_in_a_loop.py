@@ -18,7 +18,7 @@ from robustid.controllers.worst_at import worst_at
 from robustid.core import StateMatrices
 from robustid.design import PID
 from robustid.guarantees import ErrorSets
-from support.design_cases import DT, values_of
+from support.design_cases import DT, measured_in_loop, values_of
 from support.loop_candidates import consistent_members, is_stable
 
 COUNT = 400
@@ -133,13 +133,7 @@ def test_the_least_gain_of_plants_outside_of_a_disc():
 def cart():
     """An integrator with a lag that was measured under a gain of 2, its loop with 30 lines known to 2 %."""
     plant = control.ss(control.zpk([], [1.0, 0.4], 0.12, DT))
-    loop = rid.Loop(control.ss([], [], [], 2.0, DT))
-    R = loop.residual_of(plant)
-    lines = np.linspace(4.0, 312.0, 30)
-    values = values_of(R, lines)
-    frf = rid.FrequencyResponse(lines, values, bound=0.02 * np.abs(values) + 1e-3, dt=DT)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.08))
-    return plant, loop, problem, rid.loop_bounds(rid.band(problem, model=R), loop)
+    return plant, *measured_in_loop(plant, 2.0)
 
 
 @pytest.mark.slow

@@ -14,24 +14,13 @@ from robustid.controllers.goals import as_goal
 from robustid.controllers.matrix_images import Quotients, discs_of_matrices
 from robustid.controllers.plants import Plants
 from robustid.controllers.structure import basis_of, integral_gain
-from robustid.core import StateMatrices, points_of, response_at
+from robustid.core import StateMatrices
 from robustid.design import PID, Limits, Matrix
-from support.design_cases import DT
+from support.design_cases import DT, largest, measured_in_loop, responses
+from support.mimo_data import complex_normal
 
 PEAK = 2.0
 ROW = [PID(), PID(integral=False)]
-
-
-def responses(model, omega):
-    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))
-
-
-def random(rng, *shape):
-    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
-
-
-def largest(matrices):
-    return np.linalg.norm(matrices, 2, axis=(-2, -1))
 
 
 def unit(matrices):
@@ -41,7 +30,7 @@ def unit(matrices):
 def test_conditions_of_a_row_are_exact_in_the_discs_of_its_entries():
     """The least |1 + sum (c_k + Delta_k) C_k| and |sum ...| over all discs: attained where all turn against the middle."""
     rng = np.random.default_rng(1)
-    centre, units, C = random(rng, 200, 1, 2), rng.uniform(0.05, 0.4, (200, 2)), random(rng, 200, 2, 1)
+    centre, units, C = complex_normal(rng, 200, 1, 2), rng.uniform(0.05, 0.4, (200, 2)), complex_normal(rng, 200, 2, 1)
     discs = Discs.of(np.ones(200), centre, np.ones(200), units, entries=True)
     for offset, limits in ((1, Limits(sensitivity_peak=PEAK)), (0, Limits(sensitivity_peak=None, bandwidth=2.0))):
         (condition,) = conditions_of(limits, discs)
@@ -134,12 +123,12 @@ def test_integrators_of_two_inputs_and_three_outputs_are_asked_for_by_their_leas
     for ny, nu in ((2, 3), (3, 3)):  # of fewer inputs than outputs the transposed plant
         discs = Discs.of(np.array([0.3]), np.zeros((1, ny, nu), complex), np.ones(1), np.ones((1, nu)))
         one = integrators_of(2.0, discs)
-        for C in 20 * random(rng, count, 1, nu, ny):
+        for C in 20 * complex_normal(rng, count, 1, nu, ny):
             least = np.linalg.svd(C, compute_uv=False)[0, -1] - one.w[0]
             excess, turn = one.judged(C)
             assert excess == pytest.approx(least)
             assert one.ahead(C, turn) == pytest.approx(least)
-            other = np.linalg.qr(random(rng, 1, nu, ny))[0]
+            other = np.linalg.qr(complex_normal(rng, 1, nu, ny))[0]
             assert one.ahead(C, other)[0] <= least + 1e-9
 
 
@@ -208,8 +197,12 @@ def test_two_outputs_are_the_transposed_plant_with_two_inputs_and_no_search_find
 
 def quotients(rng, count, ny, nu, size):
     """Random plants about a model in a loop: P(Delta) = P0 + A Delta (I - M Delta)^-1 B."""
-    value, left, right = random(rng, count, ny, nu), random(rng, count, ny, ny), random(rng, count, nu, nu)
-    inner, running = random(rng, count, nu, ny), random(rng, count, nu, ny)
+    value, left, right = (
+        complex_normal(rng, count, ny, nu),
+        complex_normal(rng, count, ny, ny),
+        complex_normal(rng, count, nu, nu),
+    )
+    inner, running = complex_normal(rng, count, nu, ny), complex_normal(rng, count, nu, ny)
     return Quotients(value, left, right, inner, np.full((count, ny, nu), size), running)
 
 
@@ -227,7 +220,7 @@ def test_conditions_of_matrices_that_may_be_infinite_hold_for_all_errors(ny, nu)
     still = np.linalg.solve(
         top, about.inner @ discs.under
     )  # with this controller Delta does nothing; others are about it
-    near = still + 0.3 * largest(still)[:, None, None] * random(rng, count, nu, ny)
+    near = still + 0.3 * largest(still)[:, None, None] * complex_normal(rng, count, nu, ny)
     high = np.geomspace(1.0, 30.0, count)[:, None, None] * np.linalg.pinv(about.value)  # P C is about so many times I
     for name in ("sensitivity_peak", "complementary_peak", "control_peak", "process_peak", "bandwidth"):
         C = high if name == "bandwidth" else near
@@ -255,7 +248,7 @@ def test_conditions_of_matrices_that_may_be_infinite_hold_for_all_errors(ny, nu)
 def test_the_same_plant_twice_is_that_plant_alone():
     """Multiples of I: all Delta of a norm leave 1 + P C apart from 0 where all numbers do, |V (1 + P0 C)| > r |T C + U|."""
     rng, count, one = np.random.default_rng(3), 500, np.eye(2)
-    value, left, right, inner, C = (random(rng, count, 1, 1) for _ in range(5))
+    value, left, right, inner, C = (complex_normal(rng, count, 1, 1) for _ in range(5))
     radius = rng.uniform(0.05, 0.6, count)
     parts = [part * one for part in (value, left, right, inner)]
     running = (
@@ -282,13 +275,7 @@ def carts():
     whole = control.append(axis, axis)
     coupling = np.array([[1.0, 0.2], [-0.1, 0.8]])
     plant = control.ss(whole.A, whole.B, coupling @ whole.C, coupling @ whole.D, DT)
-    loop = rid.Loop(control.ss([], [], [], 2 * np.eye(2), DT))
-    R = loop.residual_of(plant)
-    lines = np.linspace(4.0, 312.0, 30)
-    values = responses(R, lines)
-    frf = rid.FrequencyResponse(lines, values, bound=0.02 * np.abs(values) + 1e-3, dt=DT)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.08))
-    return plant, loop, problem, rid.loop_bounds(rid.band(problem, model=R), loop)
+    return plant, *measured_in_loop(plant, 2 * np.eye(2))
 
 
 @pytest.mark.slow
@@ -313,7 +300,7 @@ def test_matrices_that_may_be_infinite_have_a_controller_that_no_consistent_plan
     assert gain >= 1
     R = loop.residual_of(plant)
     for _ in range(20):  # what is added is less than the bound of every line; the class has room for it
-        turn = np.linalg.qr(random(rng, 2, 2))[0].real
+        turn = np.linalg.qr(complex_normal(rng, 2, 2))[0].real
         more = control.ss(control.zpk([], [rng.uniform(-0.5, 0.5)], 1.0, DT))
         more = control.ss(control.append(more, more))
         size = 9e-4 / np.abs(responses(more, omega)).max()

@@ -9,7 +9,7 @@ import robustid as rid
 from robustid.core import described, made
 from robustid.errors import InputTypeError
 from support.mimo_data import KINDS, complex_normal, response, same
-from support.refusals import refusals
+from support.refusals import refusals, refused
 
 pytestmark = pytest.mark.quick
 BOUND = rid.Bound([0.1, 0.2, np.inf])
@@ -76,10 +76,8 @@ test_what_a_bound_refuses = refusals(
 
 @pytest.mark.parametrize("parts", [{"tilt": [0.1]}, {"joint": "column"}])
 def test_records_and_directions_have_plain_bounds(parts):
-    with pytest.raises(rid.InputError, match="leave out `tilt`"):
-        rid.TimeRecord([1.0], [1.0], dt=1.0, bound=rid.Bound(0.1, **parts))
-    with pytest.raises(rid.InputError, match="leave out `tilt`"):
-        rid.TangentialResponse([1.0], [1.0], bound=rid.Bound(0.1, **parts))
+    refused("leave out `tilt`", rid.TimeRecord, [1.0], [1.0], dt=1.0, bound=rid.Bound(0.1, **parts))
+    refused("leave out `tilt`", rid.TangentialResponse, [1.0], [1.0], bound=rid.Bound(0.1, **parts))
 
 
 @pytest.mark.parametrize(("joint", "missing"), KINDS)

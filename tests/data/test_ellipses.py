@@ -5,6 +5,7 @@ import dataclasses
 import control
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 import robustid as rid
 from robustid.advice import diagnose
@@ -12,8 +13,6 @@ from robustid.data import bound_ratio
 from robustid.identification import largest_ratio
 from robustid.identification.certificate import evaluate_certificate
 from robustid.identification.formulation import ExactFormulation
-from robustid.identification.formulation.columns import DenseDesign
-from robustid.identification.formulation.taylor_columns import ShiftColumns, ShiftDesign
 from robustid.identification.solver.paths import margin_path
 from robustid.report.assumptions import experiments
 from support.bounds import rebound
@@ -103,45 +102,8 @@ test_bad_covariances = refusals(
 # --- the arithmetic of tilted lines -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("parameters", [0, 3])
-def test_generated_columns_of_tilted_lines(parameters):
-    for seed, length in enumerate((1, 2, 33, 100)):
-        rng = np.random.default_rng([parameters, seed])
-        lines, samples = 19, 4
-        angles = np.append(rng.uniform(0, np.pi, lines - 2), [0.0, np.pi])
-        kappa = np.sqrt(rng.uniform(size=lines)) * np.exp(2j * np.pi * rng.uniform(size=lines)) * 0.999
-        gain, decay = rng.uniform(0.1, 10, lines), 1.1 ** -np.arange(length, dtype=float)
-        columns = ShiftColumns(angles, gain, decay, rng.standard_normal((samples, length)), kappa)
-        E = gain[:, None] * decay * np.exp(-1j * np.outer(angles, np.arange(length)))
-        E = np.vstack([E + kappa[:, None] * E.conj(), columns.real])
-        Q = rng.standard_normal((lines + samples, parameters)) + 0j
-        Q[:lines] += 1j * rng.standard_normal((lines, parameters))
-        G, v = np.hstack([E, Q]), rng.standard_normal(length + parameters)
-        z = rng.standard_normal(lines + samples) + 1j * np.append(rng.standard_normal(lines), np.zeros(samples))
-        a = rng.uniform(0.1, 2, lines + samples)
-        b = a * rng.uniform(0, 1, lines + samples) * np.exp(2j * np.pi * rng.uniform(0, 1, lines + samples))
-        b[lines:] = b[lines:].real
-        size = np.linalg.norm(G)
-        assert np.abs(columns.dense() - E).max() <= 1e-13 * np.abs(E).max()
-        assert np.linalg.norm(columns @ v[:length] - E @ v[:length]) <= 1e-13 * size * np.linalg.norm(v)
-        assert np.linalg.norm(columns.adjoint(z) - (E.conj().T @ z).real) <= 1e-13 * size * np.linalg.norm(z)
-        assert np.all(columns.spread(np.abs(z)) >= np.abs(E).T @ np.abs(z) * (1 - 1e-13))
-        assert (
-            np.linalg.norm(E) * (1 - 1e-13)
-            <= columns.norm
-            <= 2 * np.linalg.norm(np.vstack([gain[:, None] * decay, columns.real]))
-        )
-        gram = (G.conj().T @ (a[:, None] * G) + G.T @ (b[:, None] * G)).real
-        for design in (ShiftDesign(columns, Q), DenseDesign(G, lines)):
-            assert np.linalg.norm(design.apply(v) - G @ v) <= 1e-12 * size * np.linalg.norm(v)
-            assert np.linalg.norm(design.adjoint(z) - (G.conj().T @ z).real) <= 1e-12 * size * np.linalg.norm(z)
-            assert np.abs(design.gram(a, b) - gram).max() <= 1e-12 * np.trace(gram)
-
-
 def test_rows_of_a_taylor_form():
     """Columns by their formula, tilted; tails K rho^-L (2/pi) K(1/rho), which a tilt makes (1 + |kappa|) times larger."""
-    from scipy.special import ellipk
-
     problem, _ = elliptic(random_problem(0, "mixed", 12).with_prior(decay_rate=1.2), 1)
     rows = rid.identify(problem, form="taylor").formulation.data.rows
     (frf,), K, rho = problem.frequency, problem.prior.gain_bound, problem.prior.decay_rate

@@ -53,8 +53,7 @@ def test_covariance_is_that_of_many_draws_of_the_noise():
 
 
 @pytest.mark.parametrize(
-    ("constants", "seeds", "least"),
-    [(None, 10, 7), *(pytest.param(c, 40, 34, marks=pytest.mark.slow) for c in (None, 2.0, 20.0))],
+    ("constants", "seeds", "least"), [(None, 10, 7), *(slow(c, 40, 34) for c in (None, 2.0, 20.0))]
 )
 def test_bounds_of_short_records_hold(constants, seeds, least):
     """Of 95 %, in 34 of 40 seeds or more, 7 of 10: fewer once in 300 or 1000.
@@ -103,13 +102,7 @@ def coloured(rng, count, colour):
 
 @pytest.mark.parametrize(
     ("colour", "seeds", "least"),
-    [
-        ("resonant", 3, 2),
-        *(
-            pytest.param(*each, marks=pytest.mark.slow)
-            for each in (("resonant", 10, 7), ("resonant", 40, 34), ("red", 40, 26))
-        ),
-    ],
+    [("resonant", 3, 2), *(slow(*each) for each in (("resonant", 10, 7), ("resonant", 40, 34), ("red", 40, 26)))],
 )
 def test_bounds_hold_in_coloured_noise(colour, seeds, least):
     """A second of three modes, 3 % noise, bounds of 95 %: in resonant noise they hold; fewer once in 300 to 1000.

@@ -8,6 +8,7 @@ from robustid.data import NONLINEAR, nonlinear_records
 from robustid.estimation import pole_fit, response_alone
 from robustid.estimation.periodic import without_drift
 from robustid.estimation.roughness import roughness
+from support.cases import seeds, slow
 
 PERIOD, DT = 128, 0.01
 
@@ -165,10 +166,8 @@ def test_derivatives_by_the_poles_are_those_of_differences():
     np.testing.assert_allclose(pole_fit.slopes_of(x, poles, c), differences, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "part", [pytest.param(0.1, marks=pytest.mark.slow), pytest.param(0.3, marks=pytest.mark.slow), 0.5]
-)
-@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))])
+@pytest.mark.parametrize("part", [slow(0.1), slow(0.3), 0.5])
+@pytest.mark.parametrize("seed", seeds(1, 20))
 def test_noise_that_is_a_large_part_of_the_response(seed, part):
     """A hammer test with few averages: a mode in the band, one above it; the noise that is found is that of the data."""
     rng, hz = np.random.default_rng(seed), np.arange(5, 150, 0.3125)

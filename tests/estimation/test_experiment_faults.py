@@ -163,13 +163,9 @@ def clean_and_told(seeds):
     return told
 
 
-def test_clean_records_are_told_nothing():
-    assert clean_and_told(range(1)) == []
-
-
-@pytest.mark.slow
-def test_clean_records_of_many_seeds_are_told_nothing():
-    assert clean_and_told(range(600, 650)) == []
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(600, 650), marks=pytest.mark.slow)])
+def test_clean_records_are_told_nothing(seeds):
+    assert clean_and_told(seeds) == []
 
 
 def test_faults_of_a_record_beside_a_response_are_faults_of_the_problem():

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 
 from robustid.data import TimeRecord
-from robustid.errors import InputError
 from robustid.estimation import estimate_frf, response_alone
 from support.cases import slow
+from support.refusals import refused
 
 DT, PERIOD = 1e-3, 2048
 LINES = np.arange(10, 800, 4)
@@ -148,11 +148,8 @@ SLOW = [(periodic, 3.7), (random_open, 3.7), (random_closed, 0.5 * 200**0.5)]
     ("measure", "most", "seeds", "held_in"),
     [
         (random_closed, 4, 4, (2, 4)),
-        *(
-            pytest.param(measure, 4, 12, (9, 12), marks=pytest.mark.slow)
-            for measure in (fewer_periodic, random_open, random_closed)
-        ),
-        *(pytest.param(*each, 200, (180, 198), marks=pytest.mark.slow) for each in SLOW),
+        *(slow(measure, 4, 12, (9, 12)) for measure in (fewer_periodic, random_open, random_closed)),
+        *(slow(*each, 200, (180, 198)) for each in SLOW),
     ],
 )
 def test_calibrated(measure, most, seeds, held_in):
@@ -172,7 +169,7 @@ def test_calibrated(measure, most, seeds, held_in):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seeds", "apart"), [(3, 0.15), pytest.param(30, 0.05, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seeds", "apart"), [(3, 0.15), slow(30, 0.05)])
 def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     """Without the reference, the noise that the loop feeds back biases the local method; with it, not.
 
@@ -195,7 +192,7 @@ def test_one_record_of_a_loop_needs_its_reference(seeds, apart):
     assert held[1] == 0
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(10)])
 def test_peak_of_a_lightly_damped_mode_against_welch(seeds):
     """0.5 % damping, 20 s of noise: local within 2 % for all seeds, Hann windows miss it by 7 % in the median."""
     found, smeared = [], []
@@ -245,10 +242,8 @@ def test_without_a_method_the_records_decide():
     assert "local rational" in estimate_frf(record).note
     twice = np.tile(u[:300], 2)
     assert "2 periods" in estimate_frf(TimeRecord(twice, twice, dt=0.01), period=300).note
-    with pytest.raises(InputError, match='`period` belongs to method="periodic"'):
-        estimate_frf(record, method="local", period=300)
-    with pytest.raises(InputError, match="the local method needs"):
-        estimate_frf(TimeRecord(u[:40], u[:40], dt=0.01))
+    refused('`period` belongs to method="periodic"', estimate_frf, record, method="local", period=300)
+    refused("the local method needs", estimate_frf, TimeRecord(u[:40], u[:40], dt=0.01))
 
 
 @pytest.mark.parametrize(("method", "power"), [("local", 60), ("welch", -60), slow("local", -60), slow("welch", 60)])
@@ -273,7 +268,7 @@ def test_a_transient_shows_whether_the_input_repeats_exactly_or_almost(jitter):
     assert np.max(frf.bound) < 0.1
 
 
-@pytest.mark.parametrize(("records", "most"), [(25, 1), pytest.param(200, 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("records", "most"), [(25, 1), slow(200, 2)])
 def test_steady_periods_stay(records, most):
     """White noise on a steady record, an exact input: hardly one of a hundred loses a period."""
     lost = 0

@@ -10,6 +10,7 @@ from scipy.signal import find_peaks
 import robustid as rid
 from robustid.data import joint_radius
 from robustid.estimation import response_alone
+from support.cases import slow
 from support.measured import realdata
 
 pytestmark = realdata
@@ -69,9 +70,7 @@ def test_mirror():
     assert "pooled over up to 20 neighbouring spectral lines" in frf.note
 
 
-@pytest.mark.parametrize(
-    ("about", "widest", "least"), [("mean", 0.17, 0.99), pytest.param("next record", 0.29, 1.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("about", "widest", "least"), [("mean", 0.17, 0.99), slow("next record", 0.29, 1.0)])
 def test_bounds_of_the_mirror_hold_for_other_realisations(about, widest, least):
     """Six realisations: the mean's bound at most half of 34 %, that for the next block 1.35 of what any needs.
 

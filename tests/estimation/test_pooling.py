@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robustid.data import joint_radius
+from support.cases import slow
 from support.line_variances import PLACES, chance, drawn, of_loop
 from support.pairwise import every_one
 
@@ -21,9 +22,7 @@ def mean_of(cases, periods, rng):
 
 
 @pytest.mark.parametrize("periods", [3, 10])
-@pytest.mark.parametrize(
-    ("machines", "draws"), [(range(10), 12), pytest.param(range(10, 110), 20, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("machines", "draws"), [(range(10), 12), slow(range(10, 110), 20)])
 @pytest.mark.parametrize("name", ["R", "u to y"])
 def test_in_a_loop_bounds_fail_no_more_often_than_they_promise(name, machines, draws, periods):
     """Noise of R has peaks that neighbours do not know of: with a variance that is smooth for certain 6.7 % and 9 % fail."""

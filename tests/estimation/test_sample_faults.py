@@ -9,7 +9,6 @@ import scipy.signal
 import robustid as rid
 from robustid.estimation.events import examined
 from robustid.estimation.innovations import Predictors, gain_of_inputs
-from support import fault_plants
 
 DT, PERIOD, SAMPLES = 0.01, 400, 2400
 BAND = scipy.signal.butter(4, (0.02, 0.6), "bandpass")
@@ -51,19 +50,6 @@ def test_sound_records_are_told_of_no_fault(seeds):
         for periodic in (False, True):
             for noise in ("normal", "heavy", "coloured"):
                 assert faults(record(seed=seed, periodic=periodic, noise=noise)) == ()
-
-
-@pytest.mark.slow
-def test_two_hundred_sound_sets_of_four_plants_are_told_of_at_most_one_fault_in_fifty():
-    told = 0
-    for seed in range(200):
-        for name, recipe in fault_plants.recipes().items():
-            rng = np.random.default_rng([seed, *map(ord, name)])
-            found = rid.prepare.record_faults(fault_plants.records(recipe, rng), period=recipe.period)
-            found += rid.prepare.record_faults(fault_plants.records(recipe, rng, kind="random"))
-            found += rid.prepare.record_faults(fault_plants.step(recipe, rng))
-            told += bool(found)
-    assert told <= 800 / 50
 
 
 @pytest.mark.parametrize("height", [0.3, 20.0])

@@ -77,13 +77,6 @@ def test_units_change_nothing(power):
     assert told(scaled) == [("seam", "")]
 
 
-@pytest.mark.slow  # of one seed, all clean measurements: tests/test_fault_catalogue.py
-def test_clean_responses_are_told_nothing():
-    seeds = range(1, 100)
-    found = [(name, seed) for name in SIMULATED for seed in seeds if told(simulated(name, seed).response)]
-    assert len(found) <= 0.02 * len(SIMULATED) * len(seeds), found
-
-
 @pytest.mark.parametrize(("names", "seeds"), [(["stage"], range(1)), slow(["stage", "arm"], range(1, 50))])
 def test_errors_as_large_as_their_bound_are_no_fault_and_larger_ones_are(names, seeds):
     """Everywhere exactly so large, of random phase: the worst that a bound allows. Normal errors, 0.75 of it rms, are larger."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.example_runs import load
 
 example = load("inanc2001")
@@ -124,16 +125,11 @@ def smallest_order(seed, method):
 
 
 @pytest.mark.parametrize(
-    "modes", [*(pytest.param(one, marks=pytest.mark.slow) for one in ((), example.LIGHT)), example.BOTH]
+    ("modes", "seeds", "least"),
+    [(example.BOTH, 1, 1), slow((), SEEDS, 18), slow(example.LIGHT, SEEDS, 19), slow(example.BOTH, SEEDS, 19)],
 )
-def test_no_more_than_the_true_order(modes):
-    assert smallest_order(0, MIXED[modes]) <= 4
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("modes", "least"), [((), 18), (example.LIGHT, 19), (example.BOTH, 19)])
-def test_no_more_than_the_true_order_over_20_seeds(modes, least):
-    orders = [smallest_order(seed, MIXED[modes]) for seed in range(SEEDS)]
+def test_no_more_than_the_true_order(modes, seeds, least):
+    orders = [smallest_order(seed, MIXED[modes]) for seed in range(seeds)]
     assert sum(order <= 4 for order in orders) >= least, orders
 
 

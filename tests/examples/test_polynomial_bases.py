@@ -6,10 +6,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-import robustid as rid
 from robustid.fitting import FractionProblem, Weight, retract, sk_step
 from support.example_runs import load
 from support.mfd_systems import noisy, random_modal_system
+from support.refusals import refused
 
 bases = load("shared/polynomial_bases")
 BASES, conditioning, sk_in_basis = bases.BASES, bases.conditioning, bases.sk_in_basis
@@ -150,7 +150,5 @@ def test_an_output_that_nobody_weighs_makes_the_matrix_singular(basis):
 
 def test_bad_input():
     problem, _, start = case(0, 1, 1, 2)
-    with pytest.raises(rid.InputError, match="basis"):
-        sk_in_basis(problem, start, "chebyshev")
-    with pytest.raises(rid.InputError, match="steps"):
-        conditioning(problem, start, steps=0, basis="scaled")
+    refused("basis", sk_in_basis, problem, start, "chebyshev")
+    refused("steps", conditioning, problem, start, steps=0, basis="scaled")

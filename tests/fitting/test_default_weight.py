@@ -115,17 +115,6 @@ def test_units_change_nothing_but_the_unit(power):
     assert sizes[1] == pytest.approx(sizes[0], rel=1e-9)
 
 
-def test_missing_entries_say_nothing():
-    frf = sampled(np.random.default_rng(3), TRUTH, noise(), 6)
-    bound = np.ones(TRUTH.shape)
-    bound[::3, 0, 1] = np.inf
-    values = np.where(np.isinf(bound), np.nan, frf.values)
-    weight = weight_of(dataclasses.replace(frf, values=values, bound=bound))
-    residual = np.zeros(TRUTH.shape)
-    residual[::3, 0, 1] = 1e9
-    assert not np.any(weight.apply(residual))
-
-
 def withheld(weight_for, experiments, seed, order):
     """Root mean square error on every other frequency point, per entry, of a fit to the others."""
     frf = sampled(np.random.default_rng(seed), TRUTH, noise(), experiments)

@@ -11,6 +11,7 @@ import robustid as rid
 from robustid.core import StateMatrices, points_of, response_at
 from robustid.errors import InputTypeError
 from robustid.fitting import FractionProblem, Weight, fit_fraction, fit_mfd, retract
+from support.cases import seeds, slow
 from support.mfd_systems import OMEGA as FEW
 from support.mfd_systems import by_control, identity, noisy, random_modal_system, relative_error
 from support.pairwise import every_one
@@ -40,7 +41,7 @@ def fitted(seed, outputs, inputs, modes):
     return fit.cost / best.cost, relative_error(by_control(fit.model, OMEGA), truth), fit
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(3)])
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_cold_start_reaches_the_optimum_of_the_truth(seed):
     """2x2, order 12, 3 seeds of 3: cost within 1 %, condition numbers one, never worse than the start."""
     ratio, error, fit = fitted(seed, 2, 2, 6)
@@ -145,10 +146,7 @@ test_bad_input = refusals(
 )
 
 
-@pytest.mark.parametrize(
-    ("dt", "every"),
-    [pytest.param(None, 1, marks=pytest.mark.slow), (2e-4, 2), pytest.param(2e-4, 1, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize(("dt", "every"), [slow(None, 1), (2e-4, 2), slow(2e-4, 1)])
 def test_an_unstable_machine_is_fitted_as_it_is_or_by_a_stable_model(dt, every):
     """One pole pair beyond the boundary: reflected and reported by default, kept on request."""
     system = random_modal_system(4, 2, 2, 4, damping=(0.005, 0.02), dt=dt)
@@ -167,7 +165,7 @@ def test_an_unstable_machine_is_fitted_as_it_is_or_by_a_stable_model(dt, every):
     assert np.all(np.real(kept.model.poles()) < 0 if dt is None else np.abs(kept.model.poles()) < 1)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 def test_too_many_states_stay_stable_and_never_cost_more(seeds):
     """2x2, 2 modes, orders 4 to 8 on 60 lines: all stable, costs fall; all seeds."""
     omega = 2 * np.pi * np.geomspace(4, 1200, 60)
@@ -192,8 +190,8 @@ def test_a_mode_that_the_start_missed_is_found_by_a_second_start():
     assert double.cost == pytest.approx(best.cost, rel=1e-6)
 
 
-@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("form", ["right", pytest.param("left", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [3, slow(1)])
+@pytest.mark.parametrize("form", ["right", slow("left")])
 def test_poles_are_a_start(form, every):
     """Poles 2 % off lead to the optimum; 2 of 2 seeds."""
     omega = FEW[::every]
@@ -206,7 +204,7 @@ def test_poles_are_a_start(form, every):
         assert other.cost == pytest.approx(best.cost, rel=1e-4)
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 60))])
+@pytest.mark.parametrize("seed", seeds(4, 60))
 def test_machines_with_flexible_modes_and_unstable_poles_are_found(seed):
     """At the noise, from a start that knows nothing; poles that are reflected at the start end elsewhere in half of them."""
     rng, dt = np.random.default_rng(seed), (0, 0.01)[seed % 2]

@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.fitting import Weight, fit_covariance, fit_mfd, modal_form, mode_table
 from support.mfd_systems import by_control, noisy, random_modal_system
 from support.pairwise import every_one
+from support.refusals import refused
 
 
 def hidden(rng, A, B, C, D, dt=None, spread=30.0):
@@ -162,9 +163,6 @@ def test_channels_keep_their_names_and_a_static_gain_has_no_mode():
 
 def test_bad_input():
     model = control.ss([[-0.5]], [[1.0]], [[1.0]], 0, True)
-    with pytest.raises(rid.InputError, match="sample time"):
-        modal_form(model)
-    with pytest.raises(rid.errors.InputTypeError, match="model"):
-        mode_table(np.eye(2))
-    with pytest.raises(rid.errors.InputTypeError, match="covariance"):
-        mode_table(control.ss([[-0.5]], [[1.0]], [[1.0]], 0, 0), 3)
+    refused("sample time", modal_form, model)
+    refused("model", mode_table, np.eye(2), error=rid.errors.InputTypeError)
+    refused("covariance", mode_table, control.ss([[-0.5]], [[1.0]], [[1.0]], 0, 0), 3, error=rid.errors.InputTypeError)

@@ -8,6 +8,7 @@ import robustid as rid
 from robustid.core import response_at
 from robustid.errors import InputTypeError
 from robustid.fitting import FitStatus, Modal, fit_covariance
+from support.interrupts import ctrl_c
 from support.mechanics import BETWEEN, measured, mechanical
 from support.mfd_systems import relative_error
 from support.pairwise import every_one
@@ -202,11 +203,7 @@ def test_a_mode_in_the_wrong_place_is_exchanged(name):
 
 def test_a_fit_that_is_stopped_keeps_the_structure():
     _, frf, asked = posed("proportional, rigid", level=0.03)
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    stopped, short = rid.fit_mfd(frf, **asked, progress=interrupt), rid.fit_mfd(frf, **asked, time_limit=0.02)
+    stopped, short = rid.fit_mfd(frf, **asked, progress=ctrl_c), rid.fit_mfd(frf, **asked, time_limit=0.02)
     assert stopped.status is FitStatus.INTERRUPTED
     assert all(imaginary_part(R) < 1e-10 for R in residues(stopped.model)[0][-4:])
     for fit in (stopped, short):

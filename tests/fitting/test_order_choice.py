@@ -7,12 +7,15 @@ from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 import robustid as rid
 from robustid.errors import InputTypeError
 from robustid.fitting import RollOff, Weight, suggest_order
 from robustid.fitting.order_choice import subspace_singular_values
 from robustid.fitting.order_fits import fit_one
+from robustid.fitting.order_sweep import stability_kind
+from support.interrupts import ctrl_c
 from support.mfd_systems import noisy, random_modal_system
 from support.pairwise import every_one
 from support.refusals import refusals
@@ -96,8 +99,6 @@ def test_criteria_by_their_formulas():
 
 def test_twice_the_cost_at_the_truth_is_the_deviance_of_its_noise():
     """The known-noise form against scipy's density: differences of -2 ln L are differences of 2 V."""
-    from scipy.stats import multivariate_normal
-
     frf = data(3, 1, 1, 1, 30)
     sweep = suggest_order(frf, orders=[1, 2])
     likelihood = []
@@ -121,7 +122,6 @@ def test_exact_data_get_the_smallest_order_that_is_exact():
 
 def test_stabilisation_classes():
     """Against made-up poles: one stays, one moves by 0.5 % with other damping, one keeps its damping only, one is new."""
-    from robustid.fitting.order_sweep import stability_kind
 
     def pole(frequency, damping):
         return frequency * (-damping + 1j * np.sqrt(1 - damping**2))
@@ -224,12 +224,9 @@ def test_an_interrupt_leaves_the_orders_finished(monkeypatch, caplog, inside):
     """Ctrl-C between fits, and inside one, which returns its best model with the status that says so."""
     fit = fit_one
 
-    def stop(*_):
-        raise KeyboardInterrupt
-
     def interrupted(frf, options, n):
         if n == 4:
-            return fit(frf, {**options, "progress": stop}, n) if inside else stop(n)
+            return fit(frf, {**options, "progress": ctrl_c}, n) if inside else ctrl_c()
         return fit(frf, options, n)
 
     frf = data(0, 1, 1, 2, 60)

@@ -11,6 +11,7 @@ import scipy.optimize
 import robustid as rid
 from robustid.errors import InputTypeError
 from robustid.fitting import FitStatus, Weight, subspace_estimate
+from support.cases import slow
 from support.measured import realdata
 from support.refusals import refusals
 
@@ -149,7 +150,7 @@ def response_of(system, omega, deviation, seed=0):
     return rid.FrequencyResponse(omega, truth + error, covariance=covariance, dt=DT)
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [2, slow(8)])
 def test_records_and_a_response_each_by_its_noise(seeds):
     """Poles from both are nearer to the truth than from either, in the mean over seeds, and the cost counts equations."""
     system, errors = plant(), []
@@ -261,9 +262,7 @@ def difference_equation(record, order):
 class TestMeasured:
     pytestmark = realdata
 
-    @pytest.mark.parametrize(
-        ("name", "dt", "order"), [("hairdryer", 0.08, 5), pytest.param("cdplayer", 1.0, 8, marks=pytest.mark.slow)]
-    )
+    @pytest.mark.parametrize(("name", "dt", "order"), [("hairdryer", 0.08, 5), slow("cdplayer", 1.0, 8)])
     def test_the_second_half_from_the_first(self, name, dt, order):
         """Simulated from the initial state that fits best, at least as well as all others of the same order."""
         first, second = measured(name, dt)

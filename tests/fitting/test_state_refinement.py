@@ -15,6 +15,7 @@ from robustid.fitting.state_space.given_poles import Samples
 from robustid.fitting.state_space.state_descent import blocks_of
 from robustid.fitting.state_space.state_refinement import Outputs, exchange_modes, refine
 from robustid.fitting.state_space.withheld_points import left_out_cost
+from support.interrupts import ctrl_c_at_call
 from support.measured import realdata
 from support.mfd_systems import noisy, random_modal_system, relative_error, stand_in
 
@@ -168,15 +169,7 @@ def test_time_limit_and_interruption_give_the_best_so_far():
     assert quick.status is FitStatus.TIME
     assert quick.stable
     assert free.cost <= quick.cost <= quick.start_cost * (1 + 1e-9)
-
-    seen = []
-
-    def stop(*step):
-        seen.append(step)
-        if len(seen) == 2:
-            raise KeyboardInterrupt
-
-    stopped = fit_mfd(frf, order=12, progress=stop)
+    stopped = fit_mfd(frf, order=12, progress=ctrl_c_at_call(2))
     assert stopped.status is FitStatus.INTERRUPTED
     assert stopped.stable
     assert stopped.cost <= stopped.start_cost

@@ -13,6 +13,7 @@ from robustid.fitting.fraction.weight_choice import chosen, predicted_error
 from robustid.fitting.state_space.given_poles import Samples
 from robustid.fitting.state_space.state_descent import Settings
 from robustid.fitting.state_space.state_refinement import UNLIMITED
+from support.interrupts import ctrl_c
 from support.mfd_systems import gaussian
 
 OMEGA = np.linspace(1.0, 9.0, 121)
@@ -115,10 +116,7 @@ def test_a_response_with_missing_entries_is_judged_without_them():
 
 
 def test_ctrl_c_while_weights_are_judged_ends_the_fit_with_what_there_is(monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("robustid.fitting.matrix_fraction.chosen", interrupted)
+    monkeypatch.setattr("robustid.fitting.matrix_fraction.chosen", ctrl_c)
     fit = fit_mfd(measured(np.broadcast_to(1e-6 * np.eye(2), (121, 2, 2)), 4.0), order=2)
     assert fit.stable
     assert not fit.status.converged

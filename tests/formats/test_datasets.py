@@ -17,7 +17,7 @@ from robustid.errors import DatasetNotFoundError, FileFormatError, InputError, I
 from robustid.estimation import estimate_frf
 from robustid.formats import datasets
 from support.measured import realdata
-from support.refusals import refusals
+from support.refusals import refusals, refused
 
 TWO_MASS = "two_mass/MultisineTypeA.mat"
 
@@ -138,10 +138,8 @@ def test_absent_files_say_where_to_get_them(monkeypatch, tmp_path):
     assert isinstance(caught.value, RobustIdError)
     assert isinstance(caught.value, FileNotFoundError)
     monkeypatch.setenv("ROBUSTID_DATA", str(tmp_path))
-    with pytest.raises(DatasetNotFoundError, match=r"is not in .*: get it from"):
-        datasets.load(TWO_MASS)
-    with pytest.raises(InputError, match=r"`name` must be one of .* got 'three_mass'"):
-        datasets.load("three_mass")
+    refused(r"is not in .*: get it from", datasets.load, TWO_MASS, error=DatasetNotFoundError)
+    refused(r"`name` must be one of .* got 'three_mass'", datasets.load, "three_mass")
 
 
 def test_a_changed_file_is_found_out(monkeypatch, tmp_path):

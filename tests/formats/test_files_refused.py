@@ -16,6 +16,7 @@ from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats import read_file
 from support.data_files import HZ, U, Y, full_frf, full_record
 from support.matlab_files import write73
+from support.refusals import refused
 
 pytestmark = pytest.mark.quick
 
@@ -142,12 +143,9 @@ def test_load_refuses(tmp_path, options, error, sentence):
 
 
 def test_paths_that_are_no_files(tmp_path):
-    with pytest.raises(InputError, match="there is no such file"):
-        load(tmp_path / "missing.csv")
-    with pytest.raises(InputError, match="is a folder"):
-        load(tmp_path)
-    with pytest.raises(InputTypeError, match="`path` must be the name of a file; got int"):
-        load(3)
+    refused("there is no such file", load, tmp_path / "missing.csv")
+    refused("is a folder", load, tmp_path)
+    refused("`path` must be the name of a file; got int", load, 3, error=InputTypeError)
 
 
 def test_names_that_could_mean_either_or_neither(tmp_path):

@@ -6,6 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.errors import FileFormatError, InputError
+from support.refusals import refused
 
 pytestmark = pytest.mark.quick
 
@@ -24,12 +25,9 @@ def test_dictionaries_and_arrays():
     table = np.column_stack([U, Y])
     check(rid.load(table, fields={"u": "[:,0]", "y": "[:,1:]"}, dt=0.5), 0.5)
     check(rid.load(table.astype([("a", float)]).view(float), fields={"u": "[:,0]", "y": "[:,1:]"}, dt=0.5), 0.5)
-    with pytest.raises(InputError, match=r'As a time record, .*fields=\{"u": "a", "y": "b"\}, dt=1\.0'):
-        rid.load({"a": [1, 5, 2], "b": [1, 2, 3]})
-    with pytest.raises(FileFormatError, match="dict holds no numeric arrays"):
-        rid.load({"a": ["x", "y"]})
-    with pytest.raises(rid.errors.InputTypeError, match="no table of arrays either"):
-        rid.load(object())
+    refused(r'As a time record, .*fields=\{"u": "a", "y": "b"\}, dt=1\.0', rid.load, {"a": [1, 5, 2], "b": [1, 2, 3]})
+    refused("dict holds no numeric arrays", rid.load, {"a": ["x", "y"]}, error=FileFormatError)
+    refused("no table of arrays either", rid.load, object(), error=rid.errors.InputTypeError)
 
 
 def test_pandas():
@@ -87,7 +85,5 @@ def test_responses_of_control():
         np.testing.assert_array_equal(frf.values, np.moveaxis(G, -1, 0))
         np.testing.assert_array_equal(frf.omega, [1, 2, 3])
         assert (frf.dt, frf.bound.max(), [str(signal) for signal in frf.outputs]) == (0.1, 0.1, ["a", "b"])
-    with pytest.raises(InputError, match=r"`values` is missing: give frequencies and values, or a control\.FRD"):
-        rid.FrequencyResponse([1.0, 2.0])
-    with pytest.raises(InputError, match=r"`frequency_unit` isn't needed: a control\.FRD says this itself"):
-        rid.load(frd, frequency_unit="Hz")
+    refused(r"`values` is missing: give frequencies and values, or a control\.FRD", rid.FrequencyResponse, [1.0, 2.0])
+    refused(r"`frequency_unit` isn't needed: a control\.FRD says this itself", rid.load, frd, frequency_unit="Hz")

@@ -8,7 +8,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import PoleCell, box_of
 from robustid.guarantees.amplitude_bounds import extractions_over, largest_amplitudes
-from support.cases import slow
+from support.cases import seeds, slow
 from support.edge_bands import KINDS, edge_plant
 from support.pole_cells import drawn_poles, modes_at
 from support.refusals import refused
@@ -45,9 +45,7 @@ def problem_with_modes(rng, time, width, modes=2):
 
 
 @pytest.mark.parametrize("time", [slow(one) if one == TIMES[1] else one for one in TIMES], ids=str)
-@pytest.mark.parametrize(
-    ("width", "plants"), [(0.2, 3), *(pytest.param(w, 12, marks=pytest.mark.slow) for w in (0.01, 0.2))]
-)
+@pytest.mark.parametrize(("width", "plants"), [(0.2, 3), *(slow(w, 12) for w in (0.01, 0.2))])
 def test_no_amplitude_of_a_drawn_plant_is_above_its_bound(time, width, plants):
     """Of plants with poles often in a corner of the box; in the median at most a quarter above (a half of the wider box)."""
     rng, ratios = np.random.default_rng(0), []
@@ -60,7 +58,7 @@ def test_no_amplitude_of_a_drawn_plant_is_above_its_bound(time, width, plants):
     assert np.median(ratios) <= (1.25 if width < 0.1 else 1.5)
 
 
-@pytest.mark.parametrize("seed", [0, *(slow(k) for k in range(1, 20))])
+@pytest.mark.parametrize("seed", seeds(1, 20))
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "free record"])
 def test_bounds_hold_at_the_edge_of_the_class(kind, seed):
     """Gain exactly K, poles in a corner of their box, records and matrices too: against the residues of the plants."""

@@ -1,7 +1,5 @@
 """Cells of a pole-uncertainty box in ball arithmetic: those that cover their poles are told from those that fall short by 1e-8."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

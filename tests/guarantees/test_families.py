@@ -8,6 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import responses
+from robustid.guarantees import CircleBound
 from robustid.guarantees.circle import union_of_circles
 from robustid.guarantees.common_nominal import ENOUGH
 from support.families import DT, LINES, identified, measured, truth
@@ -127,8 +128,6 @@ def test_the_circle_the_weights_and_the_margin_are_those_of_all_members(three):
 
 
 def test_the_union_of_circles_is_the_largest_on_every_piece():
-    from robustid.guarantees import CircleBound
-
     first = CircleBound(np.array([0.0, 1.0, 3.0]), np.array([1.0, 5.0]), 0.5, True, ())
     other = CircleBound(np.array([0.0, 2.0, 3.0]), np.array([2.0, 4.0]), 0.7, False, ())
     both = union_of_circles([first, other])

@@ -9,6 +9,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import InterconnectionStatus
 from robustid.guarantees.loop_errors import closing_error
+from support.cases import slow
 from support.loop_bands import (
     Around,
     all_pass,
@@ -57,9 +58,9 @@ def test_two_known_systems_are_judged_by_their_poles():
     assert "infinite" in found.summary()
 
 
-@pytest.mark.parametrize("dt", [0.1, pytest.param(0.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("size", [(1, 1), (2, 2), pytest.param((1, 2), marks=pytest.mark.slow)])
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 40), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dt", [0.1, slow(0.0)])
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), slow((1, 2))])
+@pytest.mark.parametrize("seeds", [range(1), slow(range(1, 40))])
 def test_stable_is_never_wrong_and_beyond_the_margin_of_discs_a_pair_is_not(dt, size, seeds):
     """Pairs with errors at the edge of both bands, which are of different grids."""
     ny, nu = size
@@ -203,12 +204,7 @@ GRIDS = np.linspace(0.5, 31.0, 16), np.linspace(0.2, 30.0, 11)
 
 
 @pytest.mark.parametrize(
-    ("gain", "bound", "wanted"),
-    [
-        (4.0, 0.2, UNSTABLE),
-        pytest.param(2.0, 0.02, STABLE, marks=pytest.mark.slow),
-        pytest.param(80.0, 0.02, UNSTABLE, marks=pytest.mark.slow),
-    ],
+    ("gain", "bound", "wanted"), [(4.0, 0.2, UNSTABLE), slow(2.0, 0.02, STABLE), slow(80.0, 0.02, UNSTABLE)]
 )
 def test_identified_pairs(gain, bound, wanted):
     """A pair that is returned keeps all samples within their bounds, and its loop is unstable by python-control."""
@@ -228,7 +224,7 @@ def test_identified_pairs(gain, bound, wanted):
     assert "unstable" in found.summary()
 
 
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 30), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), slow(range(1, 30))])
 def test_no_verdict_on_noisy_data_is_wrong(seeds):
     """The truth is consistent with both: stable for all pairs means that its own loop is; a pair that is shown is consistent."""
     verdicts = []

@@ -12,6 +12,7 @@ from robustid.guarantees.loop_radius import farthest_plant
 from support.loop_bands import Around, edge_member, grid
 from support.loops import pair_of
 from support.pairwise import every_one
+from support.unstable_loop import growing
 
 
 def case_of(seed, dt, shape, part):
@@ -77,13 +78,8 @@ def test_of_a_known_plant_nothing_is_away():
 
 def test_a_controller_with_a_larger_margin_stabilises_all():
     """Known plant 1/(z - 1.1) with R known to .02: the margin of the gain .5 is proved against all by one number."""
-    plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, 0.01), control.ss([], [], [], 0.5, 0.01)
-    loop, omega = rid.Loop(gain), np.linspace(5.0, 300.0, 20)
-    R = loop.residual_of(plant)
-    frf = rid.FrequencyResponse(omega, loop.response_of(R, omega), bound=0.01, dt=0.01)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=8.8, decay_rate=1.4))
-    bounds = rid.loop_bounds(rid.band(rid.identify(problem)).with_model(R), loop)
-    gap = bounds.largest_nu_gap()
-    assert 0.001 < gap.value < rid.guarantee.ncf_margin(plant, gain).value
+    plant, loop, R, band = growing()
+    gap = rid.loop_bounds(band, loop).largest_nu_gap()
+    assert 0.001 < gap.value < rid.guarantee.ncf_margin(plant, control.ss([], [], [], 0.5, 0.01)).value
     for sign in (1, -1):
         assert rid.guarantee.nu_gap(plant, loop.plant_of(R + sign * 0.01)).value <= gap.value

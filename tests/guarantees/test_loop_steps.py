@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import StateMatrices, points_of, response_at
 from robustid.design import PID, Limits
 from robustid.errors import InputTypeError
 from robustid.guarantee import step_tube
@@ -18,12 +17,9 @@ from robustid.guarantees.loop_steps import _integrals
 from robustid.guarantees.outputs import consistent_outputs
 from robustid.identification import nominal_model
 from robustid.identification.formulation import Candidate
-from support.design_cases import DT, STRUCTURES, band_of, matrix_band_of
+from support.design_cases import DT, STRUCTURES, band_of, matrix_band_of, responses
 from support.loop_candidates import consistent_members, is_consistent
-
-
-def values(model, omega):
-    return response_at(StateMatrices.of(model), points_of(omega, DT))
+from support.unstable_loop import growing
 
 
 def simulated(plant, controller, times, of):
@@ -91,7 +87,7 @@ def dense(bounds, of, points=1 << 14):
     circle = bounds.band.circle
     held = circle.sets_at(theta / DT)
     b, e, r = (one[:, 0, 0] for one in (held.bound, held.centre, held.radius))
-    P, C = values(bounds.band.model, theta / DT)[:, 0, 0], values(bounds.controller, theta / DT)[:, 0, 0]
+    P, C = responses(bounds.band.model, theta / DT)[:, 0, 0], responses(bounds.controller, theta / DT)[:, 0, 0]
     S = 1 / (1 + P * C)
     moved = np.abs(S**2 * (C if of == "set point" else 1) / (1 - np.exp(-1j * theta)))
     about_model, about_centre = (
@@ -164,12 +160,7 @@ def test_every_entry_of_a_matrix_has_a_range(seed):
 
 
 def test_an_unstable_plant_in_its_loop_has_a_range():
-    plant, gain = control.ss(1.1, 1.0, 1.0, 0.0, DT), control.ss([], [], [], 0.5, DT)
-    loop, omega = rid.Loop(gain), np.linspace(5.0, 300.0, 20)
-    R = loop.residual_of(plant)
-    frf = rid.FrequencyResponse(omega, loop.response_of(R, omega), bound=0.01, dt=DT)
-    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=8.8, decay_rate=1.4))
-    band, pi = rid.band(rid.identify(problem)).with_model(R), control.ss(1.0, 0.02, 1.0, 0.5, DT)
+    (plant, loop, _, band), pi = growing(), control.ss(1.0, 0.02, 1.0, 0.5, DT)
     tubes = {(of, (0, 0)): step_tube(rid.loop_bounds(band, loop, pi), of) for of in STEPS}
     assert max(inside(plant, pi, tubes)) <= 1
     assert tubes["set point", (0, 0)].upper.max() < 5

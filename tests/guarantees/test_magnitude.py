@@ -6,6 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robustid.guarantees import magnitude_weight
+from support.cases import slow
 from support.weights import biquad, check_densely, largest_on, pair
 
 
@@ -89,9 +90,7 @@ KNOWN = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "four modes" else name for name in KNOWN]
-)
+@pytest.mark.parametrize("name", [slow(name) if name == "four modes" else name for name in KNOWN])
 def test_known_orders(name):
     """The weight is loose by little more than the bound jumps from cell to cell; the integrator's by 1.2 in all."""
     response, edges, options, order, loose, spread = KNOWN[name]
@@ -119,7 +118,7 @@ def test_random_bounds_are_exceeded_everywhere_and_the_ratio_is_right(seed, cell
     assert weight.ratio == min(ratios) >= (jump(bound) if cells > 1 else 1)
 
 
-@pytest.mark.parametrize("power", [-60, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("power", [-60, slow(60)])
 def test_units_of_signals_and_time_change_nothing(power):
     edges = np.linspace(0, np.pi, 41) / 0.01
     bound = largest_on(lambda w: biquad(pair(0.9, 0.1), pair(0.5, 0.05))(w * 0.01), edges)

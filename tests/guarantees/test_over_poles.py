@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.core import responses
 from support.cases import slow
 from support.posed import proposed
+from support.refusals import refused
 from support.structure import about_structure
 
 DT = 0.01
@@ -142,18 +143,13 @@ def test_bad_input():
     problem = about_structure(data, 0.1, 1.2)
     result = rid.identify(problem)
     box = data.modes[:, :1] * [0.99, 1.01], data.modes[:, 1:] * [0.9, 1.1]
-    with pytest.raises(rid.InputError, match="one row"):
-        rid.guarantee.worst_case_over_poles(result, box[0][:1], box[1])
-    with pytest.raises(rid.InputError, match="low <= high"):
-        rid.guarantee.worst_case_over_poles(result, box[0][:, ::-1], box[1])
-    with pytest.raises(rid.InputError, match="below 1"):
-        rid.guarantee.worst_case_over_poles(result, box[0], box[1] * 20)
-    with pytest.raises(rid.InputError, match=r"must hold the poles .* Mode 2 has 111\.0"):
-        rid.guarantee.worst_case_over_poles(result, box[0] * [[1.0], [1.02]], box[1])
-    with pytest.raises(rid.InputError, match=r"of the `delay` that is said here \(0\)"):
-        rid.guarantee.worst_case_over_poles(result, *box, delay=0)
-    with pytest.raises(rid.errors.InputTypeError, match="must be an Identification"):
-        rid.guarantee.worst_case_over_poles(problem, *box)
+    bounds = rid.guarantee.worst_case_over_poles
+    refused("one row", bounds, result, box[0][:1], box[1])
+    refused("low <= high", bounds, result, box[0][:, ::-1], box[1])
+    refused("below 1", bounds, result, box[0], box[1] * 20)
+    refused(r"must hold the poles .* Mode 2 has 111\.0", bounds, result, box[0] * [[1.0], [1.02]], box[1])
+    refused(r"of the `delay` that is said here \(0\)", bounds, result, *box, delay=0)
+    refused("must be an Identification", bounds, problem, *box, error=rid.errors.InputTypeError)
 
 
 def test_a_box_that_the_data_refute_has_no_band():

@@ -1,7 +1,5 @@
 """Pole-uncertainty boxes in continuous time: bands against models with other poles in the box, and misuse."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -10,6 +8,7 @@ import pytest
 import robustid as rid
 from support.cases import seeds
 from support.pole_cells import drawn_cell
+from support.refusals import refused
 
 
 @pytest.mark.parametrize("width", [0.0, 1e-11, 1e-3, 0.1, 0.3])
@@ -124,16 +123,13 @@ def test_a_matrix_with_common_poles():
 
 
 def test_what_has_no_box_is_refused():
-    problem, box = plant(points=10)
+    (problem, box), bounds = plant(points=10), rid.guarantee.worst_case_over_poles
     real = dataclasses.replace(problem, parametric=rid.kautz([5.0, 8.0, 30.0], [0.02, 0.05, 1.0], dt=0))
-    with pytest.raises(rid.InputError, match=r"must have one single `kautz` pair per mode in its parametric part$"):
-        rid.guarantee.worst_case_over_poles(rid.identify(real), *box)
-    passive = dataclasses.replace(
-        problem, prior=rid.PositiveReal(decay=4.0), parametric=rid.passive.passive_modes(OMEGA, DAMPING)
-    )
-    with pytest.raises(rid.InputError, match="that class holds them wherever they lie"):
-        rid.guarantee.worst_case_over_poles(rid.identify(passive), *box)
-    with pytest.raises(rid.InputError, match=r"`damping_interval` must lie below 1$"):
-        rid.guarantee.worst_case_over_poles(rid.identify(problem), box[0], box[1] * 20)
-    with pytest.raises(rid.InputError, match="must hold the poles"):
-        rid.guarantee.worst_case_over_poles(rid.identify(problem), box[0] * 1.1, box[1])
+    sentence = r"must have one single `kautz` pair per mode in its parametric part$"
+    refused(sentence, bounds, rid.identify(real), *box)
+    modes = rid.passive.passive_modes(OMEGA, DAMPING)
+    passive = dataclasses.replace(problem, prior=rid.PositiveReal(decay=4.0), parametric=modes)
+    refused("that class holds them wherever they lie", bounds, rid.identify(passive), *box)
+    result = rid.identify(problem)
+    refused(r"`damping_interval` must lie below 1$", bounds, result, box[0], box[1] * 20)
+    refused("must hold the poles", bounds, result, box[0] * 1.1, box[1])

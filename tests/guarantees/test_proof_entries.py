@@ -1,7 +1,5 @@
 """Matrices in proof files: what the samples of an entry prove is a file of that entry, which both checkers accept."""
 
-from __future__ import annotations
-
 import functools
 
 import control
@@ -13,14 +11,10 @@ from robustid.errors import InputError
 from robustid.guarantees import Band, contradiction, proof_text, proof_texts
 from support.cases import slow
 from support.proof_judge import judged
-from support.proofs import asked, built, parts, survive
+from support.proofs import parts, survive
 
+pytestmark = pytest.mark.quick
 PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
-
-
-@pytest.fixture
-def program():
-    return built()
 
 
 def matrix(seed: int, *, off: float = 0.0) -> rid.MixedProblem:
@@ -48,13 +42,12 @@ def band_of(seed: int, *, boxed: bool = False) -> Band:
     return rid.band(posed, omega=posed.frequency[0].omega[1:3], box=box, model=model)
 
 
-def check_entries(program, folder, band: Band) -> None:
+def check_entries(proved, band: Band) -> None:
     """Discs of every entry, a millionth wider than those of the band at most, and the axis."""
     texts = proof_texts(band)
     assert len(texts) == len(PLACES)
     for (i, j), text in zip(PLACES, texts, strict=True):
-        status, said = asked(program, text, folder)
-        assert status == 0, said
+        proved(text)
         question = parts(text)[0]
         assert question["units"]["response"] == f"that of the data, of output {i + 1} and input {j + 1}"
         values, own = band.problem.frequency[0].values[:, i, j], band.bands[2 * i + j]
@@ -67,26 +60,23 @@ def check_entries(program, folder, band: Band) -> None:
         assert largest <= band.circle.entries[:, i, j].max() * (1 + 1e-6)
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize("boxed", [False, slow(True)])
-def test_the_band_of_every_entry_of_a_matrix_is_proved(program, tmp_path, boxed):
+def test_the_band_of_every_entry_of_a_matrix_is_proved(proved, boxed):
     band = band_of(1, boxed=boxed)
-    check_entries(program, tmp_path, band)
+    check_entries(proved, band)
     with pytest.raises(InputError, match="each of its 4 entries"):
         proof_text(band)
 
 
-@pytest.mark.quick
-def test_an_entry_that_refutes_a_matrix_is_proved_in_fractions_too(program, tmp_path):
+def test_an_entry_that_refutes_a_matrix_is_proved_in_fractions_too(proved):
     bad = matrix(2, off=8.0)
     for found in (contradiction(bad), rid.identify(bad)):
         text = proof_text(found)
         assert "output 2 and input 1" in text
-        assert asked(program, text, tmp_path)[0] == 0
+        proved(text)
         assert judged(text)
 
 
-@pytest.mark.quick
 def test_entries_that_are_tied_together_are_refused():
     posed, dt = matrix(1), 0.1
     symmetric = rid.FrequencyResponse(np.array([1.0, 2.0]), np.full((2, 2, 2), 0.5), bound=0.1, dt=dt)
@@ -104,9 +94,9 @@ def test_entries_that_are_tied_together_are_refused():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(200))
-def test_matrices_of_two_hundred_problems_are_proved(program, tmp_path, seed):
-    check_entries(program, tmp_path, band_of(seed, boxed=bool(seed % 2)))
-    assert asked(program, proof_text(rid.identify(matrix(seed, off=8.0))), tmp_path)[0] == 0
+def test_matrices_of_two_hundred_problems_are_proved(proved, seed):
+    check_entries(proved, band_of(seed, boxed=bool(seed % 2)))
+    proved(proof_text(rid.identify(matrix(seed, off=8.0))))
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """What the examples find, as proof files: the checker in C proves all that the format expresses."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +12,6 @@ from robustid.guarantees import proof_texts
 from support.example_runs import FOLDER
 from support.example_runs import load as load_example
 from support.measured import needs
-from support.proofs import asked
 
 # Examples of one entry, and what of theirs the format does not express.
 EXAMPLES: dict[str, tuple[str, ...]] = {
@@ -36,7 +33,7 @@ MEASURED = {"controller_motor", "motor_torsion", "torsion_margin"}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_what_the_examples_find_is_proved(program, tmp_path, monkeypatch, name):
+def test_what_the_examples_find_is_proved(proved, tmp_path, monkeypatch, name):
     if name in MEASURED:
         needs("two_mass/MultisineTypeA.mat")
     found: list[Any] = []
@@ -65,4 +62,4 @@ def test_what_the_examples_find_is_proved(program, tmp_path, monkeypatch, name):
     assert all(any(reason in one for reason in EXAMPLES[name]) for one in refusals), refusals
     assert texts
     for text in texts:
-        assert asked(program, text, tmp_path, seconds=600)[0] == 0
+        proved(text, seconds=600)

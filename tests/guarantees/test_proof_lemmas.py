@@ -1,7 +1,5 @@
 """The lemmas behind proof files: Coq accepts them, and they rest on nothing but the real numbers of its library."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -11,7 +11,7 @@ import pytest
 import robustid as rid
 from robustid.core import load_saved
 from robustid.identification import evaluate_support
-from support.forging import arrays_of, forge, kept, lower, scaled
+from support.forging import arrays_of, forge, kept, lower, scaled, some_sides
 from support.problems import random_problem
 from support.refusals import refused
 from support.structure import about_structure
@@ -147,12 +147,6 @@ def test_a_forgery_is_refused_or_does_not_verify(saved, name):
         again = rid.load(saved)
         assert not again.verify()
         assert not again.certified
-
-
-def some_sides(value, pick):
-    """A polygon of some of its sides only."""
-    ends = {name: getattr(value, name)[pick] for name in ("directions", "support", "points")}
-    return dataclasses.replace(value, **ends, certificates=tuple(value.certificates[k] for k in pick))
 
 
 def test_open_polygons_are_refused(computed, tmp_path):

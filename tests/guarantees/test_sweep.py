@@ -18,6 +18,7 @@ from robustid.core import Workers
 from robustid.guarantees import sweep
 from robustid.guarantees.consistent_set import consistent_set
 from support.cases import slow
+from support.interrupts import ctrl_c, ctrl_c_when
 from support.problems import random_problem
 from support.refusals import refused
 
@@ -76,11 +77,8 @@ def test_a_process_that_is_killed_loses_nothing(result, expected, caplog, proces
 
 
 def test_ctrl_c_ends_the_processes_at_once(result, tmp_path):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        run(result, executor=1, progress=interrupt, resume=tmp_path)
+        run(result, executor=1, progress=ctrl_c, resume=tmp_path)
     assert not multiprocessing.active_children()
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -191,12 +189,8 @@ def test_polygons_with_fewer_sides_than_asked_for_are_taken_from_the_folder(resu
 
 
 def test_an_interrupted_sweep_goes_on(result, expected, tmp_path, monkeypatch):
-    def interrupt(text, done, _):
-        if done == 3:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        run(result, resume=tmp_path, progress=interrupt)
+        run(result, resume=tmp_path, progress=ctrl_c_when(lambda text, done, count: done == 3))
     computed, original = [], sweep.value_sets_at
     monkeypatch.setattr(sweep, "value_sets_at", lambda *a: computed.append(a[1]) or original(*a))
     same(run(result, resume=tmp_path), expected)

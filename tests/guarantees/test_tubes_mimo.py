@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.guarantees import response_tube
 from support.cases import slow
 from support.matrix_plants import random_matrix_problem
+from support.refusals import refused
 
 BASIS = rid.kautz([0.8], [0.1], dt=1.0, delay=1)
 
@@ -62,10 +63,7 @@ def test_a_scaled_entry_after_a_zero_has_the_answer_of_schwarz():
 def test_an_entry_is_named():
     problem, _ = random_matrix_problem(0, 2, 2, 2, rho=1.4)
     result = rid.identify(problem)
-    with pytest.raises(rid.InputError, match=r"`entry` is missing: .* entry=\(output, input\).*'y1', 'y2'"):
-        response_tube(result)
-    with pytest.raises(rid.InputError, match=r"`entry` must be \(output, input\)"):
-        response_tube(result, entry=3)
-    with pytest.raises(rid.RobustIdError, match="output"):
-        response_tube(result, entry=(5, 0))
+    refused(r"`entry` is missing: .* entry=\(output, input\).*'y1', 'y2'", response_tube, result)
+    refused(r"`entry` must be \(output, input\)", response_tube, result, entry=3)
+    refused("output", response_tube, result, entry=(5, 0), error=rid.RobustIdError)
     assert response_tube(result, entry=("y2", "u1"), horizon=2).entry == (1, 0)

@@ -1,5 +1,8 @@
 """Weights of every kind: what they say about every plant of a set, channel by channel; misuse."""
 
+import copy
+import pickle
+
 import control
 import numpy as np
 import pytest
@@ -113,9 +116,6 @@ def test_misuse_is_named(call, sentence):
 
 
 def test_results_survive_copies():
-    import copy
-    import pickle
-
     weight = uncertainty_weight(mode(), np.linspace(0, np.pi, 11) / 0.1, np.geomspace(0.1, 1, 10))
     for twin in (copy.deepcopy(weight), pickle.loads(pickle.dumps(weight))):
         assert twin.certified

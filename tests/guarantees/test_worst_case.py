@@ -13,6 +13,7 @@ from robustid.guarantees.polygons import value_set
 from robustid.guarantees.value_set import value_set_claims
 from robustid.identification import Functional, certify_support, evaluate_support
 from support.cases import slow
+from support.interrupts import ctrl_c_when
 from support.pairwise import every_one
 from support.problems import CASES, random_experiment, random_problem
 from support.refusals import refused
@@ -290,11 +291,7 @@ def test_frequencies_that_a_budget_allows_are_spread_over_the_range():
     assert part.unfinished in part.summary()
     assert whole.unfinished == ""
     np.testing.assert_allclose(part.upper, whole.upper[grid == part.omega], rtol=1e-9)
-
-    def stop(text, done, count):
-        if done == 2:
-            raise KeyboardInterrupt
-
+    stop = ctrl_c_when(lambda text, done, count: done == 2)
     left = rid.worst_case_error(result, omega=grid, directions=4, progress=stop)
     assert left.omega.size == 2
 

@@ -276,19 +276,27 @@ def random_columns(rng, lines, samples, length, parameters):
     return columns, Q
 
 
-@pytest.mark.parametrize(("lines", "samples"), [(17, 5), (40, 0), (0, 9), (1, 0)])
+@pytest.mark.parametrize(
+    ("lines", "samples", "tilted"), [(17, 5, False), (17, 5, True), (40, 0, False), (0, 9, False), (1, 0, False)]
+)
 @pytest.mark.parametrize("parameters", [0, 3])
-def test_generated_columns_and_their_non_uniform_transforms(lines, samples, parameters):
+def test_generated_columns_and_their_non_uniform_transforms(lines, samples, tilted, parameters):
     for seed, length in enumerate((1, 2, 33, 100)):
         rng = np.random.default_rng([lines, parameters, seed])
         columns, Q = random_columns(rng, lines, samples, length, parameters)
-        if seed % 2:  # of a class with a weight
+        if tilted:
+            kappa = np.sqrt(rng.uniform(size=lines)) * np.exp(2j * np.pi * rng.uniform(size=lines)) * 0.999
+            columns = dataclasses.replace(columns, tilt=kappa)
+        elif seed % 2:  # of a class with a weight
             phases = np.exp(2j * np.pi * rng.uniform(0, 1, lines))
             columns = dataclasses.replace(columns, gain=columns.gain * phases)
         E = np.zeros((lines + samples, length), complex)
         for k in range(lines):
             E[k] = columns.gain[k] * columns.decay * np.exp(-1j * columns.angles[k] * np.arange(length))
         E[lines:] = columns.real
+        straight = np.linalg.norm(E)
+        if tilted:
+            E[:lines] += kappa[:, None] * E[:lines].conj()
         size = np.abs(E).max()
         assert columns.shape == E.shape
         assert np.abs(columns.dense() - E).max() <= 1e-13 * size
@@ -301,7 +309,7 @@ def test_generated_columns_and_their_non_uniform_transforms(lines, samples, para
         norm = np.linalg.norm(E)
         assert np.linalg.norm(columns @ v[:length] - E @ v[:length]) <= 1e-13 * norm * np.linalg.norm(v)
         assert np.linalg.norm(columns.adjoint(z) - (E.conj().T @ z).real) <= 1e-13 * norm * np.linalg.norm(z)
-        assert columns.norm == pytest.approx(norm, rel=1e-13)
+        assert norm * (1 - 1e-13) <= columns.norm <= (2 if tilted else 1 + 1e-13) * straight
         assert np.all(columns.spread(np.abs(z)) >= np.abs(E).T @ np.abs(z) * (1 - 1e-13))
         gram = (G.conj().T @ (a[:, None] * G) + G.T @ (b[:, None] * G)).real
         for design in (ShiftDesign(columns, Q), DenseDesign(G, lines)):

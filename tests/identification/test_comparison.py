@@ -6,12 +6,15 @@ import control
 import numpy as np
 import pytest
 from scipy.special import chdtrc
+from scipy.stats import binom
 
 import robustid as rid
 from robustid.core import fingerprint, simulate
 from robustid.data import chance_beyond, joint_radius
 from robustid.identification import Comparison, Validation
 from support.forging import kept
+
+pytestmark = pytest.mark.quick
 
 HZ, DT, PERIOD = 2 * np.pi, 0.01, 200
 OMEGA = np.linspace(5.0, 250.0, 120)
@@ -50,12 +53,9 @@ def rate(count, compared):
 
 def at_most(found, probability=0.05):
     """So many false alarms, or fewer, are likely (99.9 %) where each has at most that probability."""
-    from scipy.stats import binom
-
     return sum(found) <= binom.ppf(0.999, len(found), probability)
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize("dof", [3.0, 11.0, 1e9])
 def test_chance_is_the_inverse_of_the_radius(dof):
     real = np.array([True, False])
@@ -63,7 +63,6 @@ def test_chance_is_the_inverse_of_the_radius(dof):
     np.testing.assert_allclose(chance_beyond(radius, np.full((2, 1, 1), dof), real), 0.05 / 40, rtol=1e-6)
 
 
-@pytest.mark.quick
 def test_two_responses_with_known_noise_are_told_apart_at_most_at_the_stated_rate_and_a_moved_mode_is_found():
     assert at_most(rate(60, lambda rng: rid.compare(response(rng), response(rng))))
     for seed in range(4):
@@ -75,7 +74,6 @@ def test_two_responses_with_known_noise_are_told_apart_at_most_at_the_stated_rat
         assert found.where[0].high > 17.3
 
 
-@pytest.mark.quick
 def test_the_sum_of_known_noise_is_chi_square():
     """Of one frequency point in each block the mean over blocks is the smaller witness: the sum decides."""
     rng = np.random.default_rng(1)
@@ -90,7 +88,6 @@ def with_level(frf, level):
     return rid.FrequencyResponse(OMEGA, frf.values, dt=DT, covariance=np.full((OMEGA.size, 1, 1), level**2))
 
 
-@pytest.mark.quick
 def test_a_small_difference_everywhere_is_found_by_all_points_together():
     rng = np.random.default_rng(0)
     found = rid.compare(response(rng), response(rng, ONE + 0.06))
@@ -117,7 +114,6 @@ def test_records_without_periods_are_told_apart_at_most_at_the_stated_rate():
     assert found.differ
 
 
-@pytest.mark.quick
 def test_records_are_compared_by_their_responses_and_a_moved_mode_is_found(caplog):
     rng = np.random.default_rng(3)
     one, same, moved = record(rng), record(rng), record(rng, MOVED)
@@ -132,7 +128,6 @@ def test_records_are_compared_by_their_responses_and_a_moved_mode_is_found(caplo
     assert not [r for r in caplog.records if r.levelno > logging.WARNING]
 
 
-@pytest.mark.quick
 def test_a_hard_bound_explains_all_that_it_allows_and_nothing_more():
     first = rid.FrequencyResponse(OMEGA, np.ones(120), bound=0.1, dt=DT)
     for offset, differ in ((0.199, False), (0.201, True)):
@@ -150,7 +145,6 @@ def test_a_hard_bound_explains_all_that_it_allows_and_nothing_more():
     np.testing.assert_allclose(rid.compare(alone, other).chance, rid.compare(bounded, other).chance, rtol=1e-6)
 
 
-@pytest.mark.quick
 def test_one_response_twice_is_alike_and_zero_noise_forgives_rounding_only():
     frf = response(np.random.default_rng(0))
     assert rid.compare(frf, frf).by_chance == 1.0
@@ -162,7 +156,6 @@ def test_one_response_twice_is_alike_and_zero_noise_forgives_rounding_only():
     ).differ
 
 
-@pytest.mark.quick
 def test_entries_are_compared_each_with_its_noise_and_what_is_missing_is_left_out():
     rng = np.random.default_rng(5)
     level = np.array([[0.01, 0.1], [0.02, 0.05]])
@@ -187,7 +180,6 @@ def test_entries_are_compared_each_with_its_noise_and_what_is_missing_is_left_ou
     assert rows.loc[rows["chance"].idxmin(), ["output", "input"]].tolist() == ["y2", "u1"]
 
 
-@pytest.mark.quick
 def test_scales_of_signals_and_of_time_change_nothing():
     rng = np.random.default_rng(0)
     pair = response(rng), response(rng, MOVED)
@@ -198,7 +190,6 @@ def test_scales_of_signals_and_of_time_change_nothing():
     np.testing.assert_array_equal(rid.compare(*scaled).chance, rid.compare(*pair).chance)
 
 
-@pytest.mark.quick
 def test_a_comparison_comes_back_from_its_files(tmp_path):
     rng = np.random.default_rng(0)
     found = rid.compare(response(rng), response(rng, MOVED), probability=0.99)
@@ -208,7 +199,6 @@ def test_a_comparison_comes_back_from_its_files(tmp_path):
     assert fingerprint(again) == fingerprint(found)
 
 
-@pytest.mark.quick
 def test_a_model_beside_data_is_validated():
     rng = np.random.default_rng(0)
     data = response(rng, level=0.01, bound=0.05)
@@ -218,7 +208,6 @@ def test_a_model_beside_data_is_validated():
     assert isinstance(rid.compare(ONE, data.to_control()), Validation)
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize(
     ("a", "b", "options", "sentence"),
     [

@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate as simulate_all
-from robustid.identification import model_residuals
+from robustid.identification import margin, model_residuals
 from robustid.identification.solver.cvxpy_backend import available_solvers
 from support.cases import slow
 from support.matrix_plants import judge_margin
@@ -264,8 +264,6 @@ def test_every_installed_solver_is_taken_by_name_and_checked():
 @pytest.mark.parametrize("fault", ["raises", "lies"])
 def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
     """No answer, or an answer far outside the ball with multipliers of the wrong sign: our own solver decides."""
-    from robustid.identification import margin
-
     problem = random_problem(2, "mixed", 14, spread=0.2, noise=4.0)
     honest, solve = rid.identify(problem), margin.solve_conic
 

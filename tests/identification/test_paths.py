@@ -11,6 +11,7 @@ from robustid.identification import margin as margin_module
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.solver import analytic_center, gain_path, margin_path
 from support.cases import slow
+from support.interrupts import ctrl_c
 from support.matrix_plants import judge_margin
 from support.problems import CASES, MIXED_IS_SLOW, identified, in_units, random_problem
 
@@ -192,12 +193,9 @@ def test_an_interrupt_leaves_the_best_verified_point(form, monkeypatch):
 
 
 def test_an_interrupt_during_the_centring_keeps_the_proof(monkeypatch):
-    def interrupted(*arguments):
-        raise KeyboardInterrupt
-
     problem = random_problem(1, "mixed", 28)
     whole = solved(problem)
-    monkeypatch.setattr(consistency, "analytic_center", interrupted)
+    monkeypatch.setattr(consistency, "analytic_center", ctrl_c)
     result = solved(problem)
     assert result.claim.margin == whole.margin
     assert "interrupted" in result.notes[0]

@@ -8,6 +8,7 @@ import pytest
 import robustid as rid
 from robustid.data import FaultKind
 from robustid.identification.sample_faults import sample_faults
+from support.cases import slow
 from support.fault_plants import recipes, record, step
 from support.faulty_files import record as excited
 
@@ -26,17 +27,13 @@ def told(records):
 
 @pytest.mark.parametrize(
     ("seeds", "samples"),
-    [
-        (range(1000, 1030), 60),
-        (range(3), 500),
-        *(pytest.param(range(1000, 1200), samples, marks=pytest.mark.slow) for samples in (60, 500)),
-    ],
+    [(range(1000, 1030), 60), (range(3), 500), *(slow(range(1000, 1200), samples) for samples in (60, 500))],
 )
 def test_clean_step_records_are_told_nothing(seeds, samples):
     assert told(steps(seeds, samples)) == []
 
 
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(5), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(1), slow(range(5))])
 @pytest.mark.parametrize("kind", ["periodic", "random"])
 def test_clean_excited_records_are_told_nothing(kind, seeds):
     def records():

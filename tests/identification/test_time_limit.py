@@ -4,6 +4,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import Source
+from support.interrupts import ctrl_c_at_call
 from support.matrix_plants import random_matrix_problem
 from support.problems import random_problem
 
@@ -17,18 +18,6 @@ def question(request):
     spread = 1.0 if request.param == "consistent" else 0.2
     problem = random_problem(3, "mixed", 30, spread=spread, noise=0.9 / spread)
     return problem, rid.identify(problem, solver="structured")
-
-
-def interrupting(calls):
-    """A progress that is interrupted when it is called so many times."""
-    told = []
-
-    def progress(text, done, count):
-        told.append((done, count))
-        if len(told) == calls:
-            raise KeyboardInterrupt
-
-    return progress
 
 
 def check(problem, found, whole):
@@ -61,7 +50,7 @@ def test_of_a_matrix_no_step_begins_that_would_take_longer_than_there_is_time(mo
 @pytest.mark.parametrize("calls", [2, 6])
 def test_interrupted_it_keeps_what_is_proved(question, calls, tmp_path):
     problem, whole = question
-    found = rid.identify(problem, solver="structured", progress=interrupting(calls))
+    found = rid.identify(problem, solver="structured", progress=ctrl_c_at_call(calls))
     check(problem, found, whole)
     assert found.notes[0].startswith("interrupted")
     found.save(tmp_path / "early")
@@ -83,7 +72,7 @@ def test_time_enough_changes_nothing_and_progress_comes_to_its_end(question):
 
 def test_after_ctrl_c_on_the_way_to_the_margin_nobody_waits_for_the_centre(question):
     problem, whole = question
-    found = rid.identify(problem, solver="structured", progress=interrupting(3))
+    found = rid.identify(problem, solver="structured", progress=ctrl_c_at_call(3))
     check(problem, found, whole)
     assert found.choices["margin"].source is found.choices["objective"].source is Source.STOPPED
     assert "interrupted" in found.choices["objective"].reason

@@ -11,6 +11,7 @@ from robustid.core import response_at
 from robustid.errors import InputError
 from robustid.passivity import PassiveStatus
 from robustid.reduction import hinf_error
+from support.cases import slow
 from support.networks import foster, scattering
 
 OMEGA = np.geomspace(0.3, 300, 60)
@@ -20,7 +21,7 @@ def values(model, omega=OMEGA):
     return response_at((model.A, model.B, model.C, model.D), 1j * omega)
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(20)])
 @pytest.mark.parametrize("kind", ["bounded real", "positive real"])
 def test_truncations_stay_passive_within_their_bound(kind, seeds):
     for seed in range(seeds):
@@ -152,9 +153,7 @@ SLOW = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "poles"), [("ntwk1.s2p", 4), *(pytest.param(*each, marks=pytest.mark.slow) for each in SLOW)]
-)
+@pytest.mark.parametrize(("name", "poles"), [("ntwk1.s2p", 4), *(slow(*each) for each in SLOW)])
 def test_networks_are_passive_at_most_a_tenth_worse_than_the_vector_fit(name, poles):
     skrf = pytest.importorskip("skrf")
     network = skrf.Network(str(Path(skrf.__file__).parent / "data" / name))

@@ -9,6 +9,7 @@ import scipy.linalg
 from robustid.core import StateMatrices
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error, hinf_norm
+from support.cases import slow
 from support.reduction_models import SMALL_MODELS, flexible, gap, mode, points_of, random_model, response
 from support.refusals import refusals
 
@@ -63,7 +64,7 @@ def test_flat_and_static_differences():
     assert hinf_error(rising, NOTHING) == (1.0, np.inf)
 
 
-@pytest.mark.parametrize("seeds", [10, pytest.param(25, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [10, slow(25)])
 @pytest.mark.parametrize("discrete", [False, True])
 def test_error_is_attained_and_nowhere_exceeded(discrete, seeds):
     for seed in range(seeds):
@@ -117,7 +118,7 @@ def check_bound(model, orders, matches):
 
 @pytest.mark.realdata
 @SMALL_MODELS
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [False, slow(True)])
 def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model, every):
     # On a grid, every order: test_balanced.py.
     large = benchmark_model.nstates > 200 and not every
@@ -126,11 +127,7 @@ def test_bound_holds_for_the_true_error_of_the_benchmark_models(benchmark_model,
 
 
 @pytest.mark.parametrize(
-    ("modes", "orders"),
-    [
-        (60, (1, 7, 40, 99, 119)),
-        pytest.param(500, (1, 2, 10, 50, 101, 200, 400, 700, 998, 999), marks=pytest.mark.slow),
-    ],
+    ("modes", "orders"), [(60, (1, 7, 40, 99, 119)), slow(500, (1, 2, 10, 50, 101, 200, 400, 700, 998, 999))]
 )
 def test_lightly_damped_model_with_four_channels(modes, orders):
     model = flexible(modes, 4, seed=0)

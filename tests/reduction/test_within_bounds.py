@@ -11,6 +11,7 @@ from robustid.core import response
 from robustid.identification import largest_ratio, model_residuals
 from robustid.reduction import SearchStatus
 from robustid.reduction.best_models import BestModels
+from support.cases import slow
 from support.paper_plant import AS_THE_PAPER, mixed, structure
 from support.problems import random_problem, rigid_structure
 
@@ -59,7 +60,7 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
     assert judged_again(problem, reduction.model) <= 1
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, slow(4)])
 def test_from_another_objective_too_every_sample_is_kept(seeds):
     """All seeds: every sample inside, the margins reported are those of the samples, and no smaller order was skipped."""
     for seed in range(seeds):
@@ -108,10 +109,8 @@ def test_plant_of_order_four_at_twenty_seeds(parametric, least):
     assert found >= least
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "case", ["parametric", *(pytest.param(one, marks=pytest.mark.slow) for one in ("mixed", "time", "frequency"))]
-)
+@pytest.mark.parametrize("seeds", [1, slow(2)])
+@pytest.mark.parametrize("case", ["parametric", *(slow(one) for one in ("mixed", "time", "frequency"))])
 def test_truth_of_known_order_bounds_the_order_found(case, seeds):
     """Random plants: G of order 4 and, parametric, a pair more; their truth is inside the bounds."""
     for seed in range(seeds):
@@ -124,7 +123,7 @@ def test_truth_of_known_order_bounds_the_order_found(case, seeds):
         assert judged_again(problem, reduction.model) <= 1
 
 
-@pytest.mark.parametrize("kind", [pytest.param("free", marks=pytest.mark.slow), "periodic"])
+@pytest.mark.parametrize("kind", [slow("free"), "periodic"])
 def test_records_from_an_unknown_state_and_in_steady_state(kind):
     problem = mixed(kind, samples=25)
     result = rid.identify(problem)

@@ -1,5 +1,6 @@
 """What was assumed and measured, in words."""
 
+import control
 import numpy as np
 
 import robustid as rid
@@ -27,7 +28,6 @@ def test_poles_at_zero_are_called_a_delay():
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=twice))
     said = dict(assumptions(result))["Parametric part"]
     assert said.count("17.67 Hz") == said.count("(2 times)") == 1
-    import control
 
     taps = control.ss(np.eye(3, k=-1), np.eye(3, 1), np.eye(3), 0, 0.01)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=taps))

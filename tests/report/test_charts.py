@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robustid.report.charts import lighter
+from robustid.report.charts import Axis, lighter
 from robustid.report.frequency import frequency_charts
 
 pytestmark = pytest.mark.quick
@@ -21,8 +21,6 @@ def test_lighter_charts_keep_every_peak_and_notch(matrix_result):
 
 @pytest.mark.parametrize("label", ["magnitude", "phase"])
 def test_small_numbers_are_powers_of_ten_all_over_an_axis(label):
-    from robustid.report.charts import Axis
-
     assert Axis(label, log=True, range=(0.02, 90.0)).in_full
     assert not Axis(label, log=True, range=(1e-7, 1e-4)).in_full
     assert not Axis(label, log=True, range=(1e-3, 1e2)).in_full

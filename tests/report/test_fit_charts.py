@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.fitting import FitStep, fit_mfd
+from robustid.fitting import FitStep, fit_covariance, fit_mfd
 from robustid.report.fit_charts import convergence_chart, fit_pole_chart, response_charts
 from robustid.report.fit_page import mode_cells
 from robustid.report.fit_view import FitView
@@ -41,8 +41,6 @@ def test_samples_model_and_residual_of_every_entry(form, fit, left, data):
 
 
 def test_the_band_is_the_standard_deviation_of_the_model(fit, data):
-    from robustid.fitting import fit_covariance
-
     chart = response_charts(FitView(fit, data))[1]
     band = layers(chart, 0)["model ± σ"]
     deviation = fit_covariance(fit).response_std(HZ * band.x)[:, 0, 1]

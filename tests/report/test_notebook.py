@@ -1,5 +1,7 @@
 """Heads for notebooks: small, in words, of every kind of result, and nothing is computed for them."""
 
+import inspect
+
 import numpy as np
 import pandas
 import pytest
@@ -48,8 +50,6 @@ def test_tables_are_tables_of_pandas(consistent):
 
 @pytest.mark.parametrize("name", [name for name in dir(rid.plot) if name not in ("of",) and not name.startswith("_")])
 def test_plots_take_axes_and_return_their_figure(name, consistent):
-    import inspect
-
     function = getattr(rid.plot, name)
     if not inspect.isfunction(function) or function.__module__ != rid.plot.__name__:
         pytest.skip("no plot")

@@ -1,5 +1,6 @@
 """Poles and modes, against the plant and against residues that are known."""
 
+import control
 import numpy as np
 import pytest
 
@@ -25,8 +26,6 @@ def test_pole_table_against_the_plant():
 
 
 def test_pole_table_of_special_poles():
-    import control
-
     model = control.ss(np.diag([1.0, 0.0, -0.5, 0.5]), np.ones((4, 1)), np.ones((1, 4)), 0, 0.1)
     rows = {row.pole: row for row in pole_table(model)}
     assert rows[1.0].hz == 0
@@ -41,8 +40,6 @@ def test_pole_table_of_special_poles():
 
 
 def test_pole_table_refuses_a_model_without_sample_time():
-    import control
-
     with pytest.raises(rid.InputError, match="without a sample time"):
         pole_table(control.ss(0.5, 1, 1, 0, True))
 

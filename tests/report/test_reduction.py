@@ -1,9 +1,11 @@
 """The order of a model and of a reduced one."""
 
+import control
 import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.reduction import hankel_singular_values
 from robustid.report import plot, render_report
 from robustid.report.assumptions import assumptions
 from robustid.report.small_model import hankel_chart, margin_chart
@@ -14,8 +16,6 @@ pytestmark = pytest.mark.quick
 
 
 def test_hankel_chart_marks_the_order(consistent, reduction):
-    from robustid.reduction import hankel_singular_values
-
     drawn = layers(hankel_chart(consistent, reduction), 0)
     values = hankel_singular_values(consistent.model)
     assert drawn["kept"].x.size == reduction.order
@@ -25,8 +25,6 @@ def test_hankel_chart_marks_the_order(consistent, reduction):
 
 
 def test_integrators_are_kept_aside():
-    import control
-
     integrator = control.ss(1.0, 1.0, 1.0, 0, 0.1)
     record = rid.TimeRecord(np.ones(8), np.arange(8.0), dt=0.1, bound=0.1)
     prior = rid.Prior(gain_bound=1.0, decay_rate=1.2)

@@ -3,6 +3,7 @@
 import io
 
 import pytest
+import rich.console
 
 import robustid as rid
 from robustid.report import render_summary
@@ -14,8 +15,6 @@ pytestmark = pytest.mark.quick
 
 
 def test_summary_is_readable_in_sixty_columns(consistent, inconsistent):
-    import rich.console
-
     for result in (consistent, inconsistent):
         console = rich.console.Console(file=io.StringIO(), width=60)
         console.print(render_summary(result))

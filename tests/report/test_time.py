@@ -11,8 +11,6 @@ from support.report_pages import Page, layers
 
 
 def test_records_and_step_response(consistent):
-    import control
-
     chart = time_chart(consistent, {"plant": rid.datasets.flexible_structure().truth})
     record, bound = consistent.problem.time[0], consistent.problem.time[0].bound[:, 0]
     data, model = (
@@ -34,7 +32,6 @@ def test_free_and_periodic_records_and_unused_samples():
     truth = rid.datasets.flexible_structure().truth
     parametric = rid.kautz(2 * np.pi * 17.67, 0.004, dt=0.01, delay=1)
     prior = rid.Prior(gain_bound=20.0, decay_rate=1.05)
-    import control
 
     period = rng.standard_normal(16)
     y = control.forced_response(truth, None, np.tile(period, 200)).outputs

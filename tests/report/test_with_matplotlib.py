@@ -2,6 +2,8 @@
 
 import itertools
 
+import matplotlib
+import matplotlib._pylab_helpers as helpers
 import numpy as np
 
 import robustid as rid
@@ -61,9 +63,6 @@ def test_the_legend_covers_no_data(inconsistent):
 
 
 def test_plots_leave_no_global_state(simple):
-    import matplotlib
-    import matplotlib._pylab_helpers as helpers
-
     open_figures = len(helpers.Gcf.figs)
     with matplotlib.rc_context({"font.size": 5.0, "axes.grid": False}):
         all_plots(simple)

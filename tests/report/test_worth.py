@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import control
 import numpy as np
 import pytest
 
@@ -67,7 +68,6 @@ def test_what_cannot_be_compared_says_why(result):
     assert why_not_compared(result, small, frf) == ""
     assert "no frequency response" in why_not_compared(result, small, None)
     assert "1 frequency points are too few" in why_not_compared(result, small, frf.select(slice(0, 1)))
-    import control
 
     integrator = dataclasses.replace(small, model=control.ss(1.0, 1.0, 1.0, 0, 0.01))
     assert "integrators" in why_not_compared(result, integrator, frf)

@@ -1,9 +1,11 @@
 """Writing a page: what belongs to which result, and what a failure leaves."""
 
+import control
 import pytest
 
 import robustid as rid
 from robustid.report import plot, write_report
+from support.interrupts import ctrl_c
 
 pytestmark = pytest.mark.quick
 
@@ -14,11 +16,7 @@ def test_a_failing_write_leaves_the_old_file(simple, tmp_path, monkeypatch):
     with pytest.raises(rid.InputError, match="models"):
         write_report(simple, path, models={"late": rid.datasets.flexible_structure().truth})  # another dt
     assert path.read_text() == "old"
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("os.replace", interrupted)
+    monkeypatch.setattr("os.replace", ctrl_c)
     with pytest.raises(KeyboardInterrupt):
         write_report(simple, path)
     monkeypatch.undo()
@@ -62,8 +60,6 @@ def test_a_section_of_something_else_or_of_another_kind_of_result_is_refused(sim
 
 
 def test_misuse_is_named(simple, consistent, tmp_path):
-    import control
-
     with pytest.raises(
         rid.errors.InputTypeError, match="`models` must be models, by names, in a list or one; got 'model'"
     ):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from robustid.app.cli import main as cli
+from support.interrupts import ctrl_c
 
 COMMAND = ["identify", "--frequency", "frf.csv", "--time", "step.csv"]
 CLASS = ["--mode", "9:0.1", "--mode", "17.67:0.004", "--gain", "0.2", "--decay-rate", "1.1"]
@@ -52,11 +53,7 @@ def nothing_written():
 
 def interrupted(run, arguments, monkeypatch):
     """Ctrl-C after the long part of a command, before anything is written: a word, an exit code and no files."""
-
-    def stop(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("robustid.report.render_report", stop)
+    monkeypatch.setattr("robustid.report.render_report", ctrl_c)
     with nothing_written():
         code, _, err = run([*arguments, "--report", "page.html"])
     assert code == 130

@@ -13,11 +13,21 @@ from robustid.core import StateMatrices, points_of, response_at
 
 DT = 0.01
 PEAK = 2.0
+RATE = 1.04
+
+
+def responses(model, omega):
+    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))
 
 
 def values_of(model, omega):
     """Response of one input and one output, (F,)."""
-    return response_at(StateMatrices.of(model), points_of(omega, model.dt or 0))[:, 0, 0]
+    return responses(model, omega)[:, 0, 0]
+
+
+def largest(matrices):
+    """Largest singular values."""
+    return np.linalg.norm(matrices, 2, axis=(-2, -1))
 
 
 def gain_of(plant, rate, count):
@@ -51,14 +61,16 @@ def band_of(seed):
     omega = np.linspace(3.0, 310.0, 40)
     true = values_of(plant, omega)
     bound = rng.uniform(0.02, 0.05) * np.abs(true) + 0.005
-    values = true + bound * rng.uniform(0, 1, 40) * np.exp(2j * np.pi * rng.uniform(size=40))
-    rate = 1.04
-    gain = 1.1 * gain_of(plant, rate, 2000)
-    problem = rid.MixedProblem(
-        frequency=rid.FrequencyResponse(omega, values, bound=bound, dt=DT),
-        prior=rid.Prior(gain_bound=float(gain), decay_rate=rate),
-    )
-    return plant, rid.band(problem, model=rid.balanced_truncation(plant, tol=1e-3).model)
+    return plant, measured_band(rng, plant, omega, true, bound, 2000)
+
+
+def measured_band(rng, plant, omega, true, bound, count):
+    """The band about a small model of a plant with errors inside of its bounds, of a class of a tenth more than its gain."""
+    values = true + bound * rng.uniform(0, 1, true.shape) * np.exp(2j * np.pi * rng.uniform(size=true.shape))
+    frf = rid.FrequencyResponse(omega, values, bound=bound, dt=DT)
+    prior = rid.Prior(gain_bound=float(1.1 * gain_of(plant, RATE, count)), decay_rate=RATE)
+    model = rid.balanced_truncation(plant, tol=1e-3).model
+    return rid.band(rid.MixedProblem(frequency=frf, prior=prior), model=model)
 
 
 @functools.cache
@@ -148,13 +160,16 @@ def matrix_band_of(seed, lines=40, size=2):
     whole = control.append(*axes)
     plant = control.ss(whole.A, whole.B, coupling @ whole.C, coupling @ whole.D, DT)
     omega = np.linspace(3.0, 310.0, lines)
-    true = response_at(StateMatrices.of(plant), points_of(omega, DT))
+    true = responses(plant, omega)
     bound = rng.uniform(0.01, 0.03) * np.abs(true) + 0.003
-    values = true + bound * rng.uniform(0, 1, true.shape) * np.exp(2j * np.pi * rng.uniform(size=true.shape))
-    rate = 1.04
-    gain = 1.1 * gain_of(plant, rate, 1000)
-    problem = rid.MixedProblem(
-        frequency=rid.FrequencyResponse(omega, values, bound=bound, dt=DT),
-        prior=rid.Prior(gain_bound=float(gain), decay_rate=rate),
-    )
-    return plant, rid.band(problem, model=rid.balanced_truncation(plant, tol=1e-3).model)
+    return plant, measured_band(rng, plant, omega, true, bound, 1000)
+
+
+def measured_in_loop(plant, gain):
+    """(loop, problem of R, bounds of the loop) of a plant under a gain, with 30 lines known to 2 %."""
+    loop = rid.Loop(control.ss([], [], [], gain, DT))
+    R, lines = loop.residual_of(plant), np.linspace(4.0, 312.0, 30)
+    values = responses(R, lines)
+    frf = rid.FrequencyResponse(lines, values, bound=0.02 * np.abs(values) + 1e-3, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.5, decay_rate=1.08))
+    return loop, problem, rid.loop_bounds(rid.band(problem, model=R), loop)

@@ -9,6 +9,7 @@ import pytest
 
 from robustid import load
 from robustid.errors import RobustIdError
+from support.matlab_objects import matrix
 
 
 class Function(NamedTuple):
@@ -63,33 +64,14 @@ def uff58(path, functions, *, binary=False):
 def matlab5(path, variables):
     """MATLAB v5 file, uncompressed: full double matrices, texts and 1 x 1 structures, from the MAT-file format description."""
 
-    def element(kind, data):
-        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
-
-    def matrix(name, value):
-        def head(code, shape, flags=0):
-            return (
-                element(6, struct.pack("<II", code | flags, 0))
-                + element(5, struct.pack(f"<{len(shape)}i", *shape))
-                + element(1, name.encode())
-            )
-
+    def numeric(value):
+        """Lists are arrays here, not cells."""
         if isinstance(value, dict):
-            names = b"".join(field.encode().ljust(32, b"\0") for field in value)
-            body = head(2, (1, 1)) + struct.pack("<HHi", 5, 4, 32) + element(1, names)
-            body += b"".join(matrix("", item) for item in value.values())
-        elif isinstance(value, str):
-            body = head(4, (1, len(value))) + element(4, value.encode("utf-16-le"))
-        else:
-            array = np.atleast_2d(np.asarray(value))
-            flags = 0x0800 if np.iscomplexobj(array) else 0
-            body = head(6, array.shape, flags) + element(9, array.real.astype("<f8").tobytes(order="F"))
-            if flags:
-                body += element(9, array.imag.astype("<f8").tobytes(order="F"))
-        return element(14, body)
+            return {name: numeric(item) for name, item in value.items()}
+        return np.asarray(value) if isinstance(value, list) else value
 
     header = b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
-    path.write_bytes(header + b"".join(matrix(name, value) for name, value in variables.items()))
+    path.write_bytes(header + b"".join(matrix(numeric(value), name) for name, value in variables.items()))
     return path
 
 

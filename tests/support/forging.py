@@ -1,5 +1,6 @@
-"""Shared by the tests: forging."""
+"""Forgeries of what was saved, and of the polygons of a set of values."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -29,6 +30,12 @@ def forge(path, change=lambda _: {}, text=lambda _: None):
     del record["digest"]
     text(record)
     words.write_text(json.dumps(record | {"digest": digest(arrays, record)}), encoding="utf-8")
+
+
+def some_sides(value, pick):
+    """A polygon of some of its sides only."""
+    ends = {name: getattr(value, name)[pick] for name in ("directions", "support", "points")}
+    return dataclasses.replace(value, **ends, certificates=tuple(value.certificates[k] for k in pick))
 
 
 def lower(name, by=1e-6):

@@ -1,7 +1,5 @@
 """Random cells of a pole-uncertainty box, their modes, and what these are in the functions of the cell."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 

@@ -1,7 +1,5 @@
 """Processes: one to three real poles, side by side or in series, behind a dead time; their records, and responses beside them."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

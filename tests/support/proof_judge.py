@@ -1,7 +1,5 @@
 """A judge of proof files in exact fractions: complex discs with rational middles; no code of the package nor of the kernel in C."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json

@@ -1,9 +1,8 @@
-"""Random problems of proof files with poles in a box, and in continuous time."""
-
-from __future__ import annotations
+"""Random problems of proof files of every kind: of samples, with poles in a box, and in continuous time."""
 
 import functools
 import json
+from typing import Any
 
 import control
 import numpy as np
@@ -17,6 +16,44 @@ from support.proof_loops import shortened
 from support.proofs import problem, sealed
 
 Box = tuple[Real, Real]
+
+
+@functools.cache
+def proofs_of(seed: int) -> list[str]:
+    """A band, a system, a contradiction, and all three of a problem with a record."""
+    found: list[str] = []
+    for posed, bad in ((problem(seed), problem(seed, off=3.0)), (with_record(seed), with_record(seed, off=3.0))):
+        omega = posed.frequency[0].omega
+        band = rid.band(posed, omega=np.linspace(omega[0], omega[-1], 4)[1:-1])
+        found += [proof_text(band), proof_text(rid.identify(posed)), proof_text(rid.identify(bad))]
+    return found
+
+
+def with_record(seed: int, off: float = 0.0) -> rid.MixedProblem:
+    return problem(seed, 4, off=off, samples=10)
+
+
+def bare(value: str, factors: list[Any]) -> str:
+    """The claim Re F <= value at a frequency, of a class with K = 3 and rho = 1.25, from no sample."""
+    question = {
+        "class": {"gain_bound": "3", "decay_rate": "1.25", "functions": {"A": [], "B": [], "C": [], "D": []}},
+        "sample_time": "0.5",
+        "units": {"frequency": "rad/s", "time": "s", "response": "m/N"},
+        "level": "1",
+        "data": [["1", "0", "0", "1"]],
+        "records": [],
+        "statements": [{"kind": "support", "omega": "2", "direction": ["1", "0"], "value": value}],
+    }
+    sums = {"base": ["0", "0"], "factors": factors, "multipliers": []}
+    return sealed(
+        question, {"powers": 0, "parameters": {"centre": [], "radius": [], "combinations": []}, "statements": [sums]}
+    )
+
+
+def factors_of_values() -> list[Any]:
+    """Of Re phi(zeta) = (phi(zeta) + phi(zeta*))/2: f = k(., zeta)/2, g = f/|f|^2/2, and so for zeta*."""
+    square = 1 / (1 - 1.25**-2)
+    return [{"f": [[node, "0.5", "0"]], "g": [[node, repr(1 / square), "0"]]} for node in (2, 3)]
 
 
 def box_of(posed: rid.MixedProblem, width: float = 0.002) -> Box:

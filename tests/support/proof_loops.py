@@ -1,7 +1,5 @@
 """Proof files on arcs with answers known by hand, and those of random bands and controllers."""
 
-from __future__ import annotations
-
 import functools
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """Modes of the judge of proofs: c n(x)/(1 - a x) and its conjugate, x the delay, the pole a anywhere in a region."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Random problems with proofs, the checker in C, and files that are almost proofs."""
 
-from __future__ import annotations
-
 import atexit
 import functools
 import hashlib

@@ -9,6 +9,7 @@ import re
 import zlib
 
 import numpy as np
+import rich.console
 
 import robustid as rid
 from robustid.guarantees import CircleBound
@@ -68,8 +69,6 @@ def with_circle(error):
 
 
 def printed(result, reduction=None, *, width=160, **options):
-    import rich.console
-
     console = rich.console.Console(file=io.StringIO(), width=width)
     console.print(render_summary(result, reduction, **options))
     return console.file.getvalue()

@@ -1,7 +1,5 @@
 """Short noisy records of lightly damped plants of three modes, and a judge, who knows the plant, of what comes out by default."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any, NamedTuple
 

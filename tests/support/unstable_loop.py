@@ -1,4 +1,4 @@
-"""An unstable plant that was measured in its loop: the band of R, with polygons where they limit the loop."""
+"""Unstable plants that were measured in their loops: the bands of R, with polygons where they limit the loop."""
 
 import functools
 
@@ -10,6 +10,16 @@ from robustid.guarantees import limiting_polygons
 
 DT = 0.01
 PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)
+
+
+@functools.cache
+def growing():
+    """The plant 1/(z - 1.1), the loop with the gain 1/2 that it ran in, its R, and the band of R known to 0.01 about it."""
+    plant, loop = control.ss(1.1, 1.0, 1.0, 0.0, DT), rid.Loop(control.ss([], [], [], 0.5, DT))
+    R, omega = loop.residual_of(plant), np.linspace(5.0, 300.0, 20)
+    frf = rid.FrequencyResponse(omega, loop.response_of(R, omega), bound=0.01, dt=DT)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=8.8, decay_rate=1.4))
+    return plant, loop, R, rid.band(rid.identify(problem)).with_model(R)
 
 
 @functools.cache

@@ -8,7 +8,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import StateMatrices
-from support.cases import seeds
+from support.cases import seeds, slow
 from support.edge_bands import KINDS, edge_band, edge_plant
 
 MOST = 0.11  # half of a box, relatively, up to which these samples always tell an amplitude
@@ -22,7 +22,7 @@ def half_of(box):
 MATRICES = "symmetric", "record of two inputs"
 
 
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k in MATRICES else k for k in KINDS])
+@pytest.mark.parametrize("kind", [slow(k) if k in MATRICES else k for k in KINDS])
 @pytest.mark.parametrize("seed", seeds(1, 50))
 def test_a_plant_at_the_edge_is_inside_at_every_frequency(kind, seed):
     plant, band = edge_plant(kind, seed), edge_band(kind, seed)
@@ -62,10 +62,7 @@ def other_model(plant):
     return control.ss(*plant.problem.plane.from_z(StateMatrices(A, B, C, D)), plant.problem.dt or 0)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [pytest.param("discrete", marks=pytest.mark.slow), "continuous", pytest.param("record", marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("kind", [slow("discrete"), "continuous", slow("record")])
 @pytest.mark.parametrize("seed", seeds(1, 20))
 def test_a_box_that_reaches_the_circle_is_covered_where_something_is_said(kind, seed):
     """By the series far away; near it nothing is said, or its amplitude is proved."""
@@ -129,7 +126,7 @@ def test_whatever_the_multipliers_are_the_discs_that_they_give_hold(forgery, see
             assert forged.verify()
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(40) if k != 1)])
+@pytest.mark.parametrize("seed", [1, *(slow(k) for k in range(40) if k != 1)])
 def test_two_modes_of_close_boxes_have_a_band_at_every_frequency(seed):
     """Amplitudes of opposite sign that nearly cancel, poles in the corners of the boxes, a remainder that takes all of its gain."""
     rng = np.random.default_rng(seed)
@@ -164,7 +161,7 @@ def test_two_modes_of_close_boxes_have_a_band_at_every_frequency(seed):
         assert band.verify(exact=True)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(20) if k != 1)])
+@pytest.mark.parametrize("seed", [1, *(slow(k) for k in range(20) if k != 1)])
 def test_a_mode_in_a_box_many_times_as_wide_as_its_lightest_damping_has_a_band(seed):
     """What noise leaves of a weak mode: damping known to a factor of 15, its frequency to 8 half-widths; poles in the corners."""
     rng = np.random.default_rng(seed)

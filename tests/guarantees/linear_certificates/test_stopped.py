@@ -10,6 +10,7 @@ from robustid.core import Budget
 from robustid.core import progress as clocks
 from robustid.guarantees.linear import search
 from robustid.guarantees.linear.directed_search import DirectedSearch
+from support.interrupts import ctrl_c, ctrl_c_when
 
 TWO_PI = 2 * np.pi
 DT, RHO, GAIN = 1e-3, 1.05, 0.05
@@ -94,22 +95,13 @@ def test_entries_are_counted():
 
 def test_ctrl_c_keeps_what_is_finished():
     whole = rid.band(PROBLEM, knots=60)
-
-    def stop(_, done, count):
-        if done == 1:
-            raise KeyboardInterrupt
-
-    found = rid.band(PROBLEM, knots=60, progress=stop)
+    found = rid.band(PROBLEM, knots=60, progress=ctrl_c_when(lambda text, done, count: done == 1))
     assert [one.complete for one in found.bands] == [True, False, False]
     assert holds(found)
     np.testing.assert_array_equal(found.bands[0].radius, whole.bands[0].radius)
     assert np.all(np.isfinite(found.at(OMEGA)[1]))
-
-    def at_once(*_):
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        rid.band(PROBLEM, progress=at_once)
+        rid.band(PROBLEM, progress=ctrl_c)
 
 
 def test_a_file_keeps_what_is_unfinished(ticking, tmp_path):
@@ -130,11 +122,7 @@ def test_a_search_for_contradictions_can_be_watched_and_stopped(ticking):
     assert found.entry[0] == 0
     assert [one[1:] for one in told] == [(k, 3) for k in range(4)]
     assert rid.guarantee.contradiction(bad, time_limit=0.5) is None
-
-    def stop(_, done, count):
-        if done == 1:
-            raise KeyboardInterrupt
-
+    stop = ctrl_c_when(lambda text, done, count: done == 1)
     assert rid.guarantee.contradiction(bad, progress=stop).excess == found.excess
 
 
