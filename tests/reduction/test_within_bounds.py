@@ -167,7 +167,7 @@ def test_integrators_of_the_parametric_part_survive_another_objective():
     problem = rid.MixedProblem(frequency=frf, prior=prior, parametric=[RIGID, PAIRS])
     result = rid.identify(problem, objective="gain")
     reduction = rid.reduce_within_bounds(result)
-    assert reduction.order < result.order
+    assert reduction.order == result.order == 6  # no states stand for a non-parametric part that is zero
     assert np.sum(np.abs(reduction.model.poles() - 1) < 1e-6) == 2
     assert reduction.margin <= 1 + 1e-5
 
@@ -297,6 +297,18 @@ def test_truncations_after_the_time_end_soon(searched, monkeypatch):
     found = rid.reduce_within_bounds(result, time_limit=1e-9)
     assert (found.order, found.model.nstates) == (result.order, result.order)
     assert found.stopped.startswith("stopped at the time limit")
+
+
+def test_no_search_begins_whose_first_look_takes_longer_than_there_is_time(searched, monkeypatch):
+    """Of many states: their responses beside the samples alone take seconds."""
+    _, result, _ = searched
+    monkeypatch.setattr("robustid.reduction.within_bounds._LOOK", 1.0)
+    monkeypatch.setattr("robustid.reduction.within_bounds.BestModels", None)
+    found = rid.reduce_within_bounds(result, time_limit=1e-9)
+    assert (found.order, found.model.nstates, found.status) == (result.order, result.order, SearchStatus.UNREDUCED)
+    assert found.stopped.startswith("stopped at the time limit")
+    assert found.margin == pytest.approx(max(one.ratio.max() for one in result.residuals))
+    assert found.hankel.size == result.order
 
 
 def test_an_interrupted_search_keeps_what_it_found(searched):

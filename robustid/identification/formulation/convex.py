@@ -38,6 +38,13 @@ class ConvexData(Frozen):
             out[held] = np.clip(fit, low + (high - low) / 10, high - (high - low) / 10)
         return out
 
+    @functools.cached_property
+    def least_squares(self) -> NDArray[np.float64]:
+        """The parameters that suit the samples best without G, (m,): free ones; the others as in `origin`."""
+        p, free = self.origin.copy(), ~self.rows.held
+        p[free] = np.linalg.lstsq(self.rows.real(self.rows.P[:, free]), self.rows.real(self.y), rcond=None)[0]
+        return p
+
     @property
     def y(self) -> Numbers:
         """Samples minus what p = `origin` explains, (N,)."""
