@@ -144,7 +144,7 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
 
 
 def _without_steps(formulation: Formulation, objective: str, accuracy: float) -> Identification:
-    """What is known before the first step, which would take longer than there is time: the parametric part alone."""
+    """Identification by the parametric part alone, known before the first step, which would take longer than there is time."""
     clock, data = _Clock(), formulation.data
     claim = margin_without_steps(data, accuracy)
     clock.lap("margin")

@@ -81,7 +81,7 @@ def prove_margin(
 
 
 def margin_without_steps(data: ConvexData, accuracy: float) -> Claim:
-    """What least squares of the parameters alone, G = 0, say of the margin: no matrix of the coefficients is factorised."""
+    """Margin of least squares of the parameters alone, G = 0: no matrix of the coefficients is factorised."""
     x, p = np.zeros(data.sarason.size), data.least_squares
     reached = data.margin(x, p)
     nothing = certify_margin(np.zeros(data.rows.y.size), np.zeros(data.sarason.shape), reached, data.rows, data.sarason)

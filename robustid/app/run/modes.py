@@ -99,7 +99,7 @@ def _in_time(frf: FrequencyResponse, chosen: Modes, around: Surroundings) -> Kau
     except SizeError:
         found = None
     if found is None or not found.complete:
-        around.stops.late.append(words)
+        around.ended_early(words)
     return found
 
 

@@ -1,4 +1,4 @@
-"""A search for modes that has no time left keeps what it has found, and says so; it never ends a run."""
+"""Steps that end early for want of time: modes, the margin, the small model; each is named, and none ends a run."""
 
 import dataclasses
 
@@ -11,8 +11,11 @@ from robustid.app.run.modes import with_modes
 from robustid.app.run.posing import posed
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.sequence import identified, reduced
+from robustid.app.run.work import Work
 from robustid.core import Budget, Source
 from robustid.errors import SizeError
+from support.matrix_plants import random_matrix_problem
 
 FRF = rid.datasets.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
 DATA = Measured((FRF,), ())
@@ -49,3 +52,17 @@ def test_without_time_for_the_first_mode_a_run_goes_on_without_any(monkeypatch):
     monkeypatch.setattr(SEARCH, suggest_kautz)
     assert len(with_modes(RunFile(), DATA, around).modes.hz) == 2
     assert around.stops.unfinished is None
+
+
+def test_a_step_with_too_little_time_to_begin_is_named_though_time_is_left(monkeypatch):
+    problem, _ = random_matrix_problem(3, 2, 2)
+    problem = dataclasses.replace(problem, parametric=rid.kautz([0.8, 2.0], [0.05, 0.02], dt=1.0))
+    around = Surroundings(budget=Budget(600.0))
+    monkeypatch.setattr("robustid.identification.formulation.base._PER_SECOND", 1.0)
+    work = Work(run=RunFile(), identification=identified(RunFile(), problem, around), around=around)
+    assert len(around.stops.late) == 1
+    monkeypatch.setattr("robustid.reduction.within_bounds._LOOK", 1e3)
+    reduced(work)
+    assert len(around.stops.late) == 2
+    assert work.small.order == work.identification.order
+    assert around.budget.left > 500
