@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Budget, Interruptible, Real
 from robustid.errors import Remedy, SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
-from robustid.identification.formulation.convex import Candidate, ConvexData
+from robustid.identification.formulation.convex import LEAST_SQUARES, Candidate, ConvexData
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.solver.cvxpy_backend import solve_conic, solver_name
 from robustid.identification.solver.paths import margin_path
@@ -85,7 +85,7 @@ def margin_without_steps(data: ConvexData, accuracy: float) -> Claim:
     x, p = np.zeros(data.sarason.size), data.least_squares
     reached = data.margin(x, p)
     nothing = certify_margin(np.zeros(data.rows.y.size), np.zeros(data.sarason.shape), reached, data.rows, data.sarason)
-    claim = Claim(reached, accuracy, x, p, nothing, "least squares")
+    claim = Claim(reached, accuracy, x, p, nothing, LEAST_SQUARES)
     return claim if claim.width <= accuracy else _cut_short(claim, LATE)
 
 

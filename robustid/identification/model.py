@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robustid.bases import ParametricBasis
 from robustid.core import Frozen, Model, Numbers, StateMatrices, exponents_of, freeze
 from robustid.identification.formulation.base import Formulation, Realisation, States
-from robustid.identification.formulation.convex import Candidate
+from robustid.identification.formulation.convex import LEAST_SQUARES, Candidate
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.tails import smallest_bound
 from robustid.identification.interpolant import FreeParameter
@@ -51,7 +51,7 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: F
     Where the formulation leaves something out, so may the model: states, as long as every residual stays below level * bound.
     """
     problem, rows = formulation.problem, formulation.rows
-    realise = _realisation(formulation, point.x, E)
+    realise = _realisation(formulation, point, E)
     tolerance = _SHARE * smallest_bound(problem)
     while True:
         states, error = realise(tolerance)
@@ -67,10 +67,10 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: F
         tolerance /= 10
 
 
-def _realisation(formulation: Formulation, x: NDArray[np.float64], E: FreeParameter) -> Realisation:
-    """State spaces of the interpolant; the central one of coefficients that are zero is zero, whatever their number."""
-    if x.any() or not (isinstance(E, float) and E == 0):
-        return formulation.realisation(x, E)
+def _realisation(formulation: Formulation, point: Candidate, E: FreeParameter) -> Realisation:
+    """State spaces of the interpolant; without G the central one is zero, whatever the number of coefficients."""
+    if point.solver != LEAST_SQUARES or not (isinstance(E, float) and E == 0):
+        return formulation.realisation(point.x, E)
     p, q = formulation.problem.entries.shape
     nothing = np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), np.zeros((p, q))
     return lambda _: (nothing, 0.0)

@@ -13,6 +13,8 @@ from robustid.core import Array, Frozen, Numbers
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
+LEAST_SQUARES = "least squares"  # solver of a point without G: of the parameters alone
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ConvexData(Frozen):
