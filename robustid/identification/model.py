@@ -69,7 +69,7 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: F
 
 def _realisation(formulation: Formulation, point: Candidate, E: FreeParameter) -> Realisation:
     """State spaces of the interpolant; without G the central one is zero, whatever the number of coefficients."""
-    if point.solver != LEAST_SQUARES or not (isinstance(E, float) and E == 0):
+    if point.solver != LEAST_SQUARES or not isinstance(E, float) or E:
         return formulation.realisation(point.x, E)
     p, q = formulation.problem.entries.shape
     nothing = np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), np.zeros((p, q))
