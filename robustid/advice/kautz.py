@@ -75,6 +75,8 @@ class KautzSuggestion(Frozen):
     delay : int, samples
     reason : str
         What was done and why it stopped, in words.
+    complete : bool
+        False where the time was over before the search came to its end: there may be further modes.
     """
 
     omega: Real
@@ -89,6 +91,7 @@ class KautzSuggestion(Frozen):
     repeat: int
     delay: int
     reason: str
+    complete: bool = True
 
     def __post_init__(self) -> None:
         names = ("omega", "damping", "omega_interval", "damping_interval", "level", "reached", "share", "linear")
@@ -155,7 +158,8 @@ def suggest_kautz(
     repeat : int
         Multiplicity of each pole in `basis` (see `kautz`).
     time_limit : float, optional
-        Seconds, five at least: modes are not found by halves.
+        Seconds, five at least: modes are not found by halves. The search ends with the modes that it has found when two thirds
+        of them are over, and their intervals take the rest; `complete` says so.
 
     Returns
     -------
@@ -164,7 +168,7 @@ def suggest_kautz(
     Raises
     ------
     SizeError
-        A further mode, or the interval of one, would take longer than what is left of the time.
+        The first mode, or one of those that were asked for, would take longer than what is left of the time.
     InputError
         Too few frequency points for the modes asked, frequencies above pi/dt.
     InputTypeError
@@ -213,7 +217,7 @@ def suggest_kautz(
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
     reason += words
-    boxes: Sequence[PoleBox] = _intervals(fit, poles, kept.tolist(), shown, clock)
+    boxes: Sequence[PoleBox] = _intervals(fit, poles, kept.tolist(), shown)
     kept, boxes, words = _bounded(kept, boxes, fit) if wanted is None else (kept, boxes, "")
     reason += words
     step, edges = fit.plane.dt, _edges(boxes, fit)
@@ -253,6 +257,7 @@ def suggest_kautz(
         repeat=repeat,
         delay=chosen,
         reason=reason,
+        complete=not clock.ended,
     )
 
 
@@ -280,12 +285,8 @@ def _edges(boxes: Sequence[PoleBox], fit: LineData) -> Real:
     return mode_intervals(np.array([box.ends for box in boxes]).reshape(-1, 2, 2), fit.plane)
 
 
-def _intervals(fit: LineData, poles: Real, kept: Sequence[int], shown: Real, clock: StepClock) -> list[PoleBox]:
-    boxes = list[PoleBox]()
-    for k, which in enumerate(kept):
-        clock.check(f"{k} of {len(kept)} intervals of modes")
-        boxes.append(bounded_by_shown(pole_interval(fit, poles, which), poles[which], shown, fit.angle))
-    return boxes
+def _intervals(fit: LineData, poles: Real, kept: Sequence[int], shown: Real) -> list[PoleBox]:
+    return [bounded_by_shown(pole_interval(fit, poles, k), poles[k], shown, fit.angle) for k in kept]
 
 
 def _kept(fit: LineData, poles: Real, shown: Real, every: bool) -> tuple[Real, NDArray[np.int_], str]:

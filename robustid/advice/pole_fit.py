@@ -35,6 +35,7 @@ _ONE = 0.01  # half-widths between two poles, below which they are one
 _PLACES = 400  # of a resonance on the grid of poles, at most
 _PER_SECOND = 4e6  # places at a frequency point of an entry, in the search for a mode: as measured
 _PATIENCE = 5.0  # seconds that a search may take in any case
+_SEARCHED = 0.65  # of a time limit: intervals take half as long as the search, or less (measured)
 _SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
 
@@ -116,27 +117,35 @@ def checked_lines(frf: object, dt: float | None) -> LineData:
 
 
 class StepClock:
-    """Time of a search for modes: a step that would end after the limit is refused.
+    """Time of a search for modes: no step begins that would end after its part of the limit.
 
-    A step is expected to take as long as the longest one before, the first one by its number of multiplications.
+    A step is expected to take as long as the longest one before, the first one by its number of multiplications. The rest of the
+    limit is for the intervals, which the modes that are found must have.
     """
 
     def __init__(self, data: LineData, time_limit: float | None) -> None:
         self._limit = None if time_limit is None else as_positive("time_limit", time_limit)
+        self.ended = False  # before the modes came to an end
         self._entries, self._lines = len(data.measured), min(data.angle.size, _MOST_LINES)
         self._longest = self._entries * self._lines * min(8 * self._lines, _PLACES) / _PER_SECOND
         self._start = self._last = time.monotonic()
 
-    def check(self, found: str) -> None:
-        """Refuse the step that follows, and say what was found, where its time is longer than what is left."""
+    def begins(self) -> bool:
+        """Tell whether there is time for the next step; where there is none the search has ended."""
         now = time.monotonic()
         self._longest, self._last = max(self._longest, now - self._last), now
-        if self._limit is not None and now - self._start + self._longest > max(self._limit, _PATIENCE):
-            raise SizeError(
-                f"`frf` has {self._entries} entries of {self._lines} frequency points: {found} after {now - self._start:.3g} s,"
-                f" and the next step takes about {self._longest:.2g} s, `time_limit` is {self._limit:g} s. ",
-                Remedy({}, "Take single entries, frf.entry(output, input), fewer points, frf.select, or more time"),
-            )
+        if self._limit is not None:
+            self.ended = now - self._start + self._longest > max(_SEARCHED * self._limit, _PATIENCE)
+        return not self.ended
+
+    def refuse(self, found: str) -> SizeError:
+        """Say that the next step has no time, and what was found."""
+        return SizeError(
+            f"`frf` has {self._entries} entries of {self._lines} frequency points: {found} after"
+            f" {self._last - self._start:.3g} s, and the next step takes about {self._longest:.2g} s, `time_limit` is"
+            f" {self._limit:g} s. ",
+            Remedy({}, "Take single entries, frf.entry(output, input), fewer points, frf.select, or more time"),
+        )
 
 
 def pole_pair(angle: Real, pole: Real, power: int = 1) -> Complex:
@@ -223,7 +232,10 @@ def find_poles(data: LineData, wanted: int | None, clock: StepClock) -> tuple[Re
         if len(poles) >= most:
             why = "as many as were asked for" if len(poles) == wanted else "as many as are looked for"
             return poles, f"{_count(poles)}, {why}; {fits}"
-        clock.check(f"{_count(poles)} found")
+        if not clock.begins():
+            if wanted is not None or not len(poles):
+                raise clock.refuse(f"{_count(poles)} found")
+            return poles, f"{_count(poles)}, then the time was over; {fits}"
         further = refine(np.vstack([poles, best_start(poles, data)]), data)
         after = residual_rows(further, data)
         gain = float(before @ before - after @ after)

@@ -13,11 +13,11 @@ Result = TypeVar("Result")
 _Content = tuple[bytes, str, tuple[int, ...]]
 
 
-def kept_by_content(*, most: int) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
-    """Keep the last few results of a function of arrays, read-only ones: where the first array has at most so many rows."""
+def kept_by_content(*, most: int, results: int = 8) -> Callable[[Callable[..., Result]], Callable[..., Result]]:
+    """Keep the last `results` of a function of arrays, read-only ones: where the first array has at most so many rows."""
 
     def decorated(function: Callable[..., Result]) -> Callable[..., Result]:
-        @functools.lru_cache(maxsize=8)
+        @functools.lru_cache(maxsize=results)
         def kept(*contents: _Content) -> Result:
             return function(*(np.frombuffer(content, kind).reshape(shape) for content, kind, shape in contents))
 

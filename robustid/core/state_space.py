@@ -109,7 +109,7 @@ def scaled_states(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     return balanced, B / scale[:, None], C * scale
 
 
-@kept_by_content(most=200)  # states: a page asks for one model many times
+@kept_by_content(most=1000, results=4)  # states: a page asks for one model many times; 32 MB of the largest
 def _schur_of(A: Numbers) -> tuple[Complex, Complex]:
     """Complex Schur form and basis of a matrix."""
     T, basis = scipy.linalg.schur(A, output="complex")

@@ -25,7 +25,7 @@ from robustid.errors import InputError, InputTypeError, SolverError
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate
 from robustid.identification.formulation.convex import Candidate, ConvexData
-from robustid.identification.margin import check_conic_size, prove_margin, wants_conic
+from robustid.identification.margin import LATE, check_conic_size, margin_without_steps, prove_margin, wants_conic
 from robustid.identification.model import level_of, nominal_model
 from robustid.identification.problem import MixedProblem
 from robustid.identification.result import Identification
@@ -80,7 +80,8 @@ def identify(
         "auto": exact up to 100 coefficients, then the one with the least work.
     time_limit : float, optional
         Seconds. When they are over the step at hand is finished, and what is proved by then is returned, verified, with the width
-        of the interval as its `accuracy` and a note; so it is on Ctrl-C. A margin of at most 1 decides by itself, however wide
+        of the interval as its `accuracy` and a note; so it is on Ctrl-C. Of a matrix of which one step would take longer than
+        that, it is what least squares of the parametric part alone say. A margin of at most 1 decides by itself, however wide
         the interval; the model keeps it, if it isn't the centre.
     progress : callable (text, done, count), optional
         Parts of the proof of the margin.
@@ -116,8 +117,8 @@ def identify(
     accuracy, budget = as_positive("accuracy", accuracy), Budget(time_limit, progress, "margin and model")
     formulation = formulate(problem, form, accuracy)
     formulation.check_memory()
-    if formulation.is_late(budget.seconds):  # what is known before the first step is all that there is
-        budget = budget.share(0.0)
+    if formulation.is_late(budget.seconds) and not problem.prior.positive_real:
+        return _without_steps(formulation, objective, accuracy)
     with threads_for(formulation.count * max(1, problem.entries.count // 2)):
         return _identify(formulation, objective, solver, accuracy, budget)
 
@@ -139,9 +140,35 @@ def _identify(formulation: Formulation, objective: str, solver: str, accuracy: f
         chosen = _choose_point(formulation, level, objective, solver, passed, budget)
     point, used, choices = chosen or _interrupted(formulation, level, objective, passed)
     clock.lap("centre")
+    return _result(formulation, used, point, claim, objective, accuracy, choices, clock)
+
+
+def _without_steps(formulation: Formulation, objective: str, accuracy: float) -> Identification:
+    """Identification by the parametric part alone, known before the first step, which would take longer than there is time."""
+    clock, data = _Clock(), formulation.data
+    claim = margin_without_steps(data, accuracy)
+    clock.lap("margin")
+    point = Candidate(claim.x, claim.p, claim.certificate.samples, claim.certificate.ball, claim.solver)
+    words = f"{LATE}: the model is the parametric part alone, by least squares, not that of objective {objective!r}"
+    choices = {"objective": Choice(None, Source.STOPPED, words)}
+    return _result(formulation, formulation, point, claim, objective, accuracy, choices, clock)
+
+
+def _result(
+    formulation: Formulation,
+    used: Formulation,
+    point: Candidate,
+    claim: Claim,
+    objective: str,
+    accuracy: float,
+    choices: dict[str, Choice],
+    clock: _Clock,
+) -> Identification:
+    """The model of a point of the formulation that is `used`, and everything verified."""
+    level = level_of(objective, claim.margin, claim.accuracy, formulation.problem.prior)
     nominal = nominal_model(used, point, level)
     clock.lap("model")
-    checks = verify(used, point, nominal, claim, data, level)
+    checks = verify(used, point, nominal, claim, formulation.data, level)
     clock.lap("verification")
     return Identification(
         formulation=formulation,
@@ -194,7 +221,7 @@ def _choose_point(
     data = formulation.data
     center = analytic_center(data, level, passed, budget)
     if budget.over:
-        words = f"stopped at the time limit: the model is consistent with the margin, but not that of objective {objective!r}"
+        words = f"{LATE}: the model is consistent with the margin, but not that of objective {objective!r}"
         return center, formulation, {"objective": Choice("center", Source.STOPPED, words)}
     if objective in ("center", "margin") or not data.sarason.pair.order:
         return center, formulation, {}

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.core import Budget, Interruptible, Real
 from robustid.errors import Remedy, SizeError, SolverError
 from robustid.identification.certificate import MarginCertificate, certify_margin
-from robustid.identification.formulation.convex import Candidate, ConvexData
+from robustid.identification.formulation.convex import LEAST_SQUARES, Candidate, ConvexData
 from robustid.identification.formulation.sarason import SarasonMap
 from robustid.identification.solver.cvxpy_backend import solve_conic, solver_name
 from robustid.identification.solver.paths import margin_path
@@ -21,6 +21,7 @@ _log = logging.getLogger("robustid")
 
 # A general semidefinite solver needs n^4 memory and n^6 work: "auto" asks it while it is quick, and never above the last.
 QUICK_CONIC, LARGEST_CONIC = 24, 100
+LATE = "stopped at the time limit"
 _SPARE = 0.01  # part of the accuracy that is aimed at: digits are cheap at the end of the path
 _NEAR_ENOUGH = 10.0  # times the accuracy: a margin that is known as well as that is known, if it decides nothing
 _STEPS = 100  # of the progress
@@ -58,7 +59,7 @@ def prove_margin(
             if reached - best.value <= 2 * tails + _SPARE * accuracy * max(1.0, reached):
                 break
             if budget.over:
-                stopped = "stopped at the time limit"
+                stopped = LATE
                 break
     if path.interrupted and point is not None:
         stopped = "interrupted"
@@ -73,11 +74,25 @@ def prove_margin(
     if claim.width <= accuracy or not np.isfinite(claim.width):
         return claim, passed
     if stopped:
-        words = f"{stopped}: the margin is proved to lie between {best.value:.6g} and {reached:.6g} only"
-        return dataclasses.replace(claim, accuracy=claim.width, stopped=words), passed
+        return _cut_short(claim, stopped), passed
     if claim.decided or claim.width <= _NEAR_ENOUGH * accuracy:  # the digits end there
         return dataclasses.replace(claim, accuracy=claim.width), passed
     return claim, passed
+
+
+def margin_without_steps(data: ConvexData, accuracy: float) -> Claim:
+    """Margin of least squares of the parameters alone, G = 0: no matrix of the coefficients is factorised."""
+    x, p = np.zeros(data.sarason.size), data.least_squares
+    reached = data.margin(x, p)
+    nothing = certify_margin(np.zeros(data.rows.y.size), np.zeros(data.sarason.shape), reached, data.rows, data.sarason)
+    claim = Claim(reached, accuracy, x, p, nothing, LEAST_SQUARES)
+    return claim if claim.width <= accuracy else _cut_short(claim, LATE)
+
+
+def _cut_short(claim: Claim, why: str) -> Claim:
+    """The claim with the accuracy that was reached."""
+    words = f"{why}: the margin is proved to lie between {claim.certificate.value:.6g} and {claim.margin:.6g} only"
+    return dataclasses.replace(claim, accuracy=claim.width, stopped=words)
 
 
 def decide_margin(

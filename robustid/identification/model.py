@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis
 from robustid.core import Frozen, Model, Numbers, StateMatrices, exponents_of, freeze
-from robustid.identification.formulation.base import Formulation, States
-from robustid.identification.formulation.convex import Candidate
+from robustid.identification.formulation.base import Formulation, Realisation, States
+from robustid.identification.formulation.convex import LEAST_SQUARES, Candidate
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.tails import smallest_bound
 from robustid.identification.interpolant import FreeParameter
@@ -51,7 +51,7 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: F
     Where the formulation leaves something out, so may the model: states, as long as every residual stays below level * bound.
     """
     problem, rows = formulation.problem, formulation.rows
-    realise = formulation.realisation(point.x, E)
+    realise = _realisation(formulation, point, E)
     tolerance = _SHARE * smallest_bound(problem)
     while True:
         states, error = realise(tolerance)
@@ -65,6 +65,15 @@ def nominal_model(formulation: Formulation, point: Candidate, level: float, E: F
         if largest_ratio(problem, nominal.model) <= level * (1 + 1e-5):
             return nominal
         tolerance /= 10
+
+
+def _realisation(formulation: Formulation, point: Candidate, E: FreeParameter) -> Realisation:
+    """State spaces of the interpolant; without G the central one is zero, whatever the number of coefficients."""
+    if point.solver != LEAST_SQUARES or not isinstance(E, float) or E:
+        return formulation.realisation(point.x, E)
+    p, q = formulation.problem.entries.shape
+    nothing = np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), np.zeros((p, q))
+    return lambda _: (nothing, 0.0)
 
 
 def _with_scales(problem: MixedProblem, states: States) -> States:

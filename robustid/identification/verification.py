@@ -173,7 +173,9 @@ def truncation_error(formulation: Formulation, point: Candidate, model: Model, c
     problem = formulation.problem
     K, scales = problem.prior.gain_bound, _scales(problem)
     angles = np.pi * (np.arange(count) + 0.5) / count
-    values = formulation.family(point.x).evaluate(problem.region.points(angles)).reshape(count, *scales.shape)
+    values = np.zeros((count, *scales.shape))  # of the central interpolant of coefficients that are zero
+    if point.x.any():
+        values = formulation.family(point.x).evaluate(problem.region.points(angles)).reshape(values.shape)
     values = problem.weighting.times(values, angles)
     error = (
         problem.plane.values(model, angles) - parametric_values(problem, formulation.rows, point.p, angles)

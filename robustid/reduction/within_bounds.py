@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Budget, Interruptible, Progress, as_kind, one_thread
+from robustid.core import Budget, Interruptible, Pieces, Progress, as_kind, one_thread
 from robustid.errors import InputError
 from robustid.fitting import RigidBody
 from robustid.identification import Identification, from_image, image_of, in_image
@@ -29,6 +29,8 @@ _ONE_BY_ONE = 12  # orders tried without a gap; further on every seventh or so, 
 _NARROWLY = 1.1  # times the limit: a miss after which the next order of a matrix is likely to suffice
 _AT_ONE = 1e-7  # a pole of the parametric part so near z = 1 is an integrator
 _AFTER = 3.0  # seconds of truncations after the time is over, where nothing was found within it
+_LATE = "stopped at the time limit"
+_LOOK = 1.3e-5  # seconds, times the states squared: responses beside the samples and two truncations (measured)
 
 
 class SearchStatus(enum.Enum):
@@ -127,7 +129,11 @@ def reduce_within_bounds(
         as_kind("band", band, Known, "the result of band()")
     budget = Budget(time_limit, progress, "searching for the smallest order")
     image, plane = image_of(identification), identification.problem.plane
-    found = _Search(image, _integrators(image, rigid_body), budget, band).reduction()
+    integrators = _integrators(image, rigid_body)
+    if _LOOK * image.order**2 > max(budget.left, _AFTER):
+        found = dataclasses.replace(_unreduced(image, {}), stopped=_stopped(_LATE))
+    else:
+        found = _Search(image, integrators, budget, band).reduction()
     kept = found.status is SearchStatus.UNREDUCED
     return dataclasses.replace(found, model=identification.model if kept else from_image(found.model, plane))
 
@@ -181,13 +187,13 @@ class _Search:
 
     def reduction(self) -> Reduction:
         """The smallest order within the bounds; of inconsistent data, else, within the bounds times their margin."""
-        stopped = "stopped at the time limit"
+        stopped = _LATE
         with Interruptible() as search, contextlib.suppress(_TimeIsOver):
             return self._result(self._searched())
         if search.interrupted:
             stopped = "interrupted"
             _log.warning("interrupted; the smallest order found so far is returned")
-        return dataclasses.replace(self._result(self._so_far()), stopped=f"{stopped}: a smaller order may suffice")
+        return dataclasses.replace(self._result(self._so_far()), stopped=_stopped(stopped))
 
     def _searched(self) -> int:
         if not self.identification.consistent:
@@ -216,9 +222,9 @@ class _Search:
             within = [order for order in models.found if models.within(order)]
             if within:
                 return min(within)
-        after = Budget(_AFTER)
+        after = Pieces(Budget(_AFTER))
         low = max(models.found, default=models.chains)
-        return _between(low, self.identification.order, lambda order: not after.over and models.truncate(order))
+        return _between(low, self.identification.order, lambda order: after.begins() and models.truncate(order))
 
     def _smallest(self) -> int:
         """Upwards to the first order that suffices, with gaps from some order on; then the orders in the gap."""
@@ -289,31 +295,50 @@ class _Search:
         identification = self.identification
         if self.band is not None:
             move_towards(self.models, order, self.band)
-        whole = balanced_truncations(identification.model)(identification.order)
         tried = {k: found.judged for k, found in self.models.found.items()}
-        if self.models.within(order):
-            _, margin, model = self.models.found[order]
-            status, bound = self._status(margin), np.inf
-        else:
-            # Its own free responses, not refitted ones: the residuals that identify verified.
-            margin, model = max(float(r.ratio.max()) for r in identification.residuals), identification.model
-            order, status, bound = identification.order, SearchStatus.UNREDUCED, 0.0
-            tried[order] = margin
-        return Reduction(
-            model,
-            order=order,
-            hankel=whole.hankel,
-            bound=bound,
-            bounds=whole.bounds,
-            status=status,
-            margin=margin,
-            tried=tuple(sorted(tried.items())),
-        )
+        if not self.models.within(order):
+            return _unreduced(identification, tried)
+        _, margin, model = self.models.found[order]
+        return _reduction(identification, model, order, margin, np.inf, self._status(margin), tried)
 
     def _status(self, margin: float) -> SearchStatus:
         if self.identification.consistent:
             return SearchStatus.WITHIN
         return SearchStatus.OUTSIDE if margin <= 1 else SearchStatus.INFLATED
+
+
+def _unreduced(identification: Identification, tried: dict[int, float]) -> Reduction:
+    """The identified model itself, with its own free responses, not refitted ones: the residuals that identify verified."""
+    margin, order = max(float(r.ratio.max()) for r in identification.residuals), identification.order
+    known = tried | {order: margin}
+    return _reduction(identification, identification.model, order, margin, 0.0, SearchStatus.UNREDUCED, known)
+
+
+def _reduction(
+    identification: Identification,
+    model: control.StateSpace,
+    order: int,
+    margin: float,
+    bound: float,
+    status: SearchStatus,
+    tried: dict[int, float],
+) -> Reduction:
+    """A model of an order, beside the Hankel singular values of the identified one."""
+    whole = balanced_truncations(identification.model)(identification.order)
+    return Reduction(
+        model,
+        order=order,
+        hankel=whole.hankel,
+        bound=bound,
+        bounds=whole.bounds,
+        status=status,
+        margin=margin,
+        tried=tuple(sorted(tried.items())),
+    )
+
+
+def _stopped(why: str) -> str:
+    return f"{why}: a smaller order may suffice"
 
 
 def _between(low: int, high: int, suffices: Callable[[int], bool]) -> int:

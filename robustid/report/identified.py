@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, cast
 
 import numpy as np
 
-from robustid.core import Complex, Unfinished, as_kind, fingerprint
+from robustid.core import (
+    Complex,
+    Real,
+    StateMatrices,
+    Unfinished,
+    as_kind,
+    fingerprint,
+    kept_by_content,
+    points_of,
+    response_at,
+    series_at,
+)
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees import Sample, WorstCaseError, WorstCaseOverPoles
@@ -32,6 +43,7 @@ DIRECTIONS = "combinations of outputs / combinations of inputs"
 _GRID = 800  # points of a response, evenly spaced in log frequency
 _AROUND = np.linspace(-1.55, 1.55, 61)  # phases across a light resonance
 _NOWHERE = np.zeros(0)
+_KEPT = 1000  # states of a model whose response is kept for the next chart
 
 
 class Parts(TypedDict, total=False):
@@ -288,7 +300,21 @@ def responses(
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Frequencies in rad/s that resolve every model, the `wanted` ones among them, and the response (F, ny, nu) of each model."""
     omega = _grid(models, problem, *ends, wanted)
-    return omega, [problem.plane.values_at(model, omega) for model in models]
+    step = np.array([problem.dt or 0.0])
+    return omega, [_response(*StateMatrices.of(model), omega, step) for model in models]
+
+
+@kept_by_content(most=_KEPT, results=4)
+def _response(A: Real, B: Real, C: Real, D: Real, omega: Real, step: Real) -> Complex:
+    """The response at frequencies in rad/s, read-only, of a model with a sample time, 0 in continuous time.
+
+    The first screen and two sections draw the same curves.
+    """
+    dt = float(step[0])
+    system = A, B, C, D
+    values = series_at(system, points_of(-omega, dt)) if dt else response_at(system, points_of(omega, None))
+    values.setflags(write=False)
+    return values
 
 
 def _grid(

@@ -47,7 +47,9 @@ from robustid.report.words import at_least, at_most, number
 if TYPE_CHECKING:
     import control
 
-_Answers = tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]
+_Answers = tuple[
+    np.ndarray, list[np.ndarray], list[np.ndarray]
+]  # times, and of each model steps and pulses, (T, ny, nu)
 _PERIODS, _INSTANTS = 60, 1201  # of the fastest oscillation that are drawn, and samples of the curves
 
 
@@ -93,9 +95,10 @@ def answer_charts(identification: Identification, models: Models = None) -> list
     """Step and pulse responses of the models, entry by entry."""
     problem, shown = identification.problem, shown_models(identification, models)
     charts: list[Chart] = []
+    answers = _answers(identification, shown)
     for i, j in np.ndindex(len(problem.outputs), len(problem.inputs)):
         label = entry_unit(identification, i, j)
-        step, pulse = answer_panels(identification, shown, i, j)
+        step, pulse = _panels(identification, shown, answers, i, j)
         panels = (
             dataclasses.replace(step, title=transfer(identification, i, j), y=Axis(f"step{label}")),
             dataclasses.replace(pulse, title="", y=Axis(f"pulse{label}")),
@@ -118,32 +121,42 @@ def answer_titles(signal: Signal, dt: float = 1.0) -> dict[str, str]:
 
 def answer_panels(identification: Identification, shown: list[Shown], output: int, input_: int) -> list[Panel]:
     """Step and pulse response of one entry of the models."""
+    return _panels(identification, shown, _answers(identification, shown), output, input_)
+
+
+def _panels(
+    identification: Identification, shown: list[Shown], answers: _Answers, output: int, input_: int
+) -> list[Panel]:
+    """The panels of one entry, of the answers of all."""
     problem = identification.problem
     panels: list[Panel] = []
     effect, titles = str(problem.outputs[output]), answer_titles(problem.inputs[input_], problem.dt).values()
-    answer = _sampled_answers if problem.dt else _continuous_answers
-    t, steps, pulses = answer(identification, [one.model for one in shown], output, input_)
-    for title, answers in zip(titles, (steps, pulses), strict=True):
-        layers = tuple(Layer(one.name, t, y, one.colour, dash=one.dash) for one, y in zip(shown, answers, strict=True))
+    t, steps, pulses = answers
+    for title, curves in zip(titles, (steps, pulses), strict=True):
+        layers = tuple(
+            Layer(one.name, t, y[:, output, input_], one.colour, dash=one.dash)
+            for one, y in zip(shown, curves, strict=True)
+        )
         panels.append(Panel(title, Axis("time [s]"), Axis(effect), layers))
     return panels
 
 
-def _sampled_answers(
-    identification: Identification, models: Sequence[control.StateSpace], output: int, input_: int
-) -> _Answers:
-    """Times, and the answers of models to a step and to a pulse."""
-    count = _settling(identification.model)
-    t, u = identification.problem.dt * np.arange(count), np.zeros((count, len(identification.problem.inputs)))
-    u[0, input_] = 1
-    pulses = [simulate(model, u)[0][:, output] for model in models]
-    return t, [np.cumsum(pulse) for pulse in pulses], pulses
+def _answers(identification: Identification, shown: list[Shown]) -> _Answers:
+    """Times, and the answers of models to a step and to a pulse of each input."""
+    answer = _sampled_answers if identification.problem.dt else _continuous_answers
+    return answer(identification, [one.model for one in shown])
 
 
-def _continuous_answers(
-    identification: Identification, models: Sequence[control.StateSpace], output: int, input_: int
-) -> _Answers:
-    """Times, and the answers of continuous models to a step and to an impulse, from 0 s on, exact at these times."""
+def _sampled_answers(identification: Identification, models: Sequence[control.StateSpace]) -> _Answers:
+    """The same of sampled models."""
+    count, inputs = _settling(identification.model), len(identification.problem.inputs)
+    first = np.eye(1, count).T
+    pulses = [np.stack([simulate(model, first * one)[0] for one in np.eye(inputs)], axis=2) for model in models]
+    return identification.problem.dt * np.arange(count), [np.cumsum(pulse, axis=0) for pulse in pulses], pulses
+
+
+def _continuous_answers(identification: Identification, models: Sequence[control.StateSpace]) -> _Answers:
+    """The same of continuous models, to an impulse from 0 s on, exact at these times."""
     poles = identification.model.poles()
     decays = -poles.real[poles.real < -1e-7 * np.abs(poles)]
     seconds = 3 / decays.min(initial=np.inf) or 1.0
@@ -152,17 +165,19 @@ def _continuous_answers(
     steps: list[np.ndarray] = []
     impulses: list[np.ndarray] = []
     for model in models:
-        n, b = model.nstates, np.asarray(model.B)[:, input_]
-        # The state and the integral of its input, both from one exponential.
-        whole = np.zeros((n + 1, n + 1))
-        whole[:n, :n], whole[:n, n] = model.A, b
-        turn, state, forced = scipy.linalg.expm(whole * t[1]), np.append(b, 0.0), np.append(np.zeros(n), 1.0)
-        c, found = np.asarray(model.C)[output], np.empty((2, t.size))
+        B, C, D = (np.asarray(part, dtype=float) for part in (model.B, model.C, model.D))
+        n, inputs = B.shape
+        # The states and the integrals of their inputs, all from one exponential.
+        whole = np.zeros((n + inputs, n + inputs))
+        whole[:n, :n], whole[:n, n:] = model.A, B
+        turn = scipy.linalg.expm(whole * t[1])
+        states = np.block([[np.zeros((n, inputs)), B], [np.eye(inputs), np.zeros((inputs, inputs))]])  # forced, free
+        found = np.empty((t.size, len(C), 2 * inputs))
         for k in range(t.size):
-            found[:, k] = c @ forced[:n] + model.D[output, input_], c @ state[:n]
-            state, forced = turn @ state, turn @ forced
-        steps.append(found[0])
-        impulses.append(found[1])
+            found[k] = C @ states[:n]
+            states = turn @ states
+        steps.append(found[:, :, :inputs] + D)
+        impulses.append(found[:, :, inputs:])
     return t, steps, impulses
 
 

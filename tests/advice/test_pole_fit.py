@@ -1,5 +1,7 @@
 """The fit of damped pairs beside a smooth remainder: its derivatives, and a minimum that a finer search does not lower."""
 
+import itertools
+
 import numpy as np
 import pytest
 import scipy.optimize
@@ -80,11 +82,29 @@ def test_a_search_that_takes_longer_than_its_limit_is_refused_before_it_begins()
         suggest_kautz(large, time_limit=6.0)
 
 
-def test_a_step_is_refused_that_ends_after_the_limit_if_it_takes_as_long_as_the_longest_before(data, monkeypatch):
-    times = iter((0.0, 0.0, 2.0, 5.0, 7.5))
+def test_no_step_begins_that_ends_after_the_search_if_it_takes_as_long_as_the_longest_before(data, monkeypatch):
+    """Of 10 s the search has 6.5: 4.7 s after its start there is no time for another step of 2 s."""
+    times = iter((0.0, 0.0, 1.0, 3.0, 4.7))
     monkeypatch.setattr(pole_fit.time, "monotonic", lambda: next(times))
     clock = pole_fit.StepClock(data, 10.0)
-    for _ in range(3):
-        clock.check("fewer modes")
-    with pytest.raises(SizeError, match=r"3 modes after 7.5 s, and the next step takes about 3 s"):
-        clock.check("3 modes")
+    assert [clock.begins() for _ in range(3)] == [True, True, True]
+    assert not clock.ended
+    assert not clock.begins()
+    assert clock.ended
+    assert "3 modes after 4.7 s, and the next step takes about 2 s" in str(clock.refuse("3 modes"))
+
+
+def test_a_search_without_time_for_the_next_mode_keeps_what_it_has_found(monkeypatch):
+    """Of two modes, which both count where they are asked for; a second passes at every look at the clock."""
+    frf = rid.datasets.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
+    whole, seconds = suggest_kautz(frf), itertools.count()
+    monkeypatch.setattr(pole_fit, "_PATIENCE", 0.0)
+    monkeypatch.setattr(pole_fit.time, "monotonic", lambda: float(next(seconds)))
+    found = suggest_kautz(frf, time_limit=4.0)
+    assert (whole.omega.size, whole.complete) == (2, True)
+    assert (found.omega.size, found.complete) == (1, False)
+    nearest = np.argmin(np.abs(whole.omega - found.omega[0]))
+    assert found.omega[0] == pytest.approx(whole.omega[nearest], rel=0.02)
+    assert found.omega_interval[0, 0] < found.omega[0] < found.omega_interval[0, 1]
+    with pytest.raises(SizeError, match="1 mode found"):
+        suggest_kautz(frf, modes=2, time_limit=4.0)

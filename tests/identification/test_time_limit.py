@@ -1,11 +1,14 @@
 """What is left of an identification that ran out of time, or was interrupted: less, and verified all the same."""
 
+import dataclasses
+
+import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.core import Source
 from support.interrupts import ctrl_c_at_call
-from support.matrix_plants import random_matrix_problem
+from support.matrix_plants import random_matrix_problem, response
 from support.problems import random_problem
 
 pytestmark = pytest.mark.quick
@@ -45,6 +48,29 @@ def test_of_a_matrix_no_step_begins_that_would_take_longer_than_there_is_time(mo
     check(problem, found, whole)
     assert found.notes[0].startswith("stopped at the time limit")
     assert found.margin_lower < 0.5 * whole.margin_lower
+
+
+def test_where_no_step_begins_the_model_is_the_parametric_part_alone(monkeypatch, tmp_path):
+    """No matrix of the coefficients is factorised, and everything is verified all the same, also from its files."""
+    problem, _ = random_matrix_problem(3, 2, 2)
+    basis = rid.kautz([0.8, 2.0], [0.05, 0.02], dt=1.0)
+    problem = dataclasses.replace(problem, parametric=basis)
+    monkeypatch.setattr("robustid.identification.formulation.base._PER_SECOND", 1.0)
+    monkeypatch.setattr("robustid.identification.solver.newton.cholesky", None)
+    found = rid.identify(problem, time_limit=60.0)
+    assert found.verification.passed, found.summary()
+    assert not found.coefficients.any()
+    assert found.order == 2 * basis.size
+    assert found.choices["objective"].source is Source.STOPPED
+    found.save(tmp_path / "late")
+    assert rid.load(tmp_path / "late").verification.passed
+    frf = problem.frequency[0]
+    columns = np.vstack([part(basis.response(frf.omega)) for part in (np.real, np.imag)])
+    for i, j in np.ndindex(2, 2):
+        y = np.concatenate([frf.values[:, i, j].real, frf.values[:, i, j].imag])
+        best = columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+        fit = response(found.model, frf.omega)[:, i, j]
+        np.testing.assert_allclose(np.concatenate([fit.real, fit.imag]), best, atol=1e-9)
 
 
 @pytest.mark.parametrize("calls", [2, 6])

@@ -298,6 +298,18 @@ def test_truncations_after_the_time_end_soon(searched, monkeypatch):
     assert found.stopped.startswith("stopped at the time limit")
 
 
+def test_no_search_begins_whose_first_look_takes_longer_than_there_is_time(searched, monkeypatch):
+    """Of many states: their responses beside the samples alone take seconds."""
+    _, result, _ = searched
+    monkeypatch.setattr("robustid.reduction.within_bounds._LOOK", 1.0)
+    monkeypatch.setattr("robustid.reduction.within_bounds.BestModels", None)
+    found = rid.reduce_within_bounds(result, time_limit=1e-9)
+    assert (found.order, found.model.nstates, found.status) == (result.order, result.order, SearchStatus.UNREDUCED)
+    assert found.stopped.startswith("stopped at the time limit")
+    assert found.margin == pytest.approx(max(one.ratio.max() for one in result.residuals))
+    assert found.hankel.size == result.order
+
+
 def test_an_interrupted_search_keeps_what_it_found(searched):
     problem, result, whole = searched
     told = []

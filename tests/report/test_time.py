@@ -73,3 +73,19 @@ def test_step_and_pulse_responses_of_every_entry(matrix_result):
         _, expected = control.step_response(matrix_result.model, T=step.x, input=j, output=i)
         np.testing.assert_allclose(step.y, np.squeeze(expected), atol=1e-9)
         np.testing.assert_allclose(np.cumsum(pulse.y), step.y, atol=1e-9)
+
+
+def test_answers_of_a_matrix_in_continuous_time():
+    """Two inputs and one output, another number than of outputs: all of them come from one exponential."""
+    plant = control.ss([[-0.2, 4.0], [-4.0, -0.2]], [[1.0, 0.3], [0.0, 2.0]], [[1.0, 0.5]], np.zeros((1, 2)))
+    omega = np.geomspace(0.5, 20.0, 12)
+    values = np.moveaxis(plant(1j * omega, squeeze=False), 2, 0)
+    frf = rid.FrequencyResponse(omega, values, bound=0.02)
+    basis = rid.kautz([4.0], [0.05], dt=0)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.5, decay=0.5), parametric=basis))
+    for chart, j in zip(answer_charts(result, {"plant": plant}), range(2), strict=True):
+        step, pulse = (layers(chart, k)["plant"] for k in range(2))
+        for drawn, expected in ((step, control.step_response), (pulse, control.impulse_response)):
+            np.testing.assert_allclose(
+                drawn.y, np.squeeze(expected(plant, T=drawn.x, input=j, output=0).outputs), atol=1e-9
+            )

@@ -21,7 +21,7 @@ from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
 from robustid.core import Budget, Real, Source, hz_scale, hz_words, pass_on
 from robustid.data import FaultKind, FrequencyResponse, TimeRecord
-from robustid.errors import InputError, InputTypeError
+from robustid.errors import InputError, InputTypeError, SizeError
 from robustid.estimation import delay_fault, response_faults
 from robustid.fitting import (
     MatrixFraction,
@@ -39,6 +39,8 @@ from robustid.identification import MixedProblem, check_equations, validate
 Box = tuple[Real, Real]  # (M, 2) each: natural frequencies in rad/s, damping ratios
 
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
+_SHARE = 0.5  # of the time that is left, for the modes: a class without those that the data show says little
+_NO_TIME = "No parametric part: the time was too short for the search for the first mode."
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side
 _MOST = 2  # integrators of a class
 _LEAST = 0.1  # part of the damping at which the box ends below, however large its deviation
@@ -67,8 +69,9 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     if not data.responses:
         around.say("looking for modes in the records")
         return dataclasses.replace(run, modes=_from_records(chosen, data.records))
-    around.say("looking for modes in the frequency response")
-    found = suggest_kautz(data.responses[0], modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay)
+    found = _in_time(data.responses[0], chosen, around)
+    if found is None:
+        return run.changed("modes", hz=(), damping=(), delay=chosen.delay or 0, source=Source.PROGRAM, note=_NO_TIME)
     hz_interval = damping_interval = None
     if found.omega.size:
         hz_interval, damping_interval = map(_pairs, (found.omega_interval / (2 * np.pi), found.damping_interval))
@@ -84,6 +87,20 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
         damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def _in_time(frf: FrequencyResponse, chosen: Modes, around: Surroundings) -> KautzSuggestion | None:
+    """The modes that a response shows, or those found in a part of the time of the run; None where there is none for the first."""
+    words = "looking for modes in the frequency response"
+    around.say(words)
+    limit = None if chosen.count else around.budget.share(_SHARE).seconds  # a number that was asked for is found
+    try:
+        found = suggest_kautz(frf, modes=chosen.count, repeat=chosen.repeat, delay=chosen.delay, time_limit=limit)
+    except SizeError:
+        found = None
+    if found is None or not found.complete:
+        around.ended_early(words)
+    return found
 
 
 def with_faults(run: RunFile, data: Measured, around: Surroundings) -> Measured:

@@ -233,6 +233,11 @@ class Surroundings:
             budget = Budget(stated)
         yield budget.seconds
         if budget.over and needed:
+            self.ended_early(text)
+
+    def ended_early(self, text: str) -> None:
+        """Say once that a step has ended before its end: its time was over, or too short for what comes next."""
+        if text not in self.stops.late and not self.stops.interrupted:
             self.stops.late.append(text)
 
     @property

@@ -155,6 +155,8 @@ def identified(
     words, asked = f"margin and model{of}: {problem.coefficients} coefficients, {problem.samples} samples", run.identify
     with around.step(words, _MARGIN, asked.time_limit) as limit:
         result = identify(problem, **asked.arguments, time_limit=limit, progress=around.progress(words))
+    if result.claim.stopped:
+        around.ended_early(words)
     result = dataclasses.replace(result, choices=result.choices | run.choices)
     around.folder.identified(result, member=member)
     return result
@@ -195,13 +197,11 @@ def reduced(work: Work) -> None:
     asked, words = work.run.small_model, "searching for the smallest order"
     body = None if asked.rigid_body is None else RigidBody(asked.rigid_body)
     with work.around.step(words, _ORDER, asked.time_limit) as limit:
-        how: Record = {
-            "rigid_body": body,
-            "band": work.band,
-            "time_limit": limit,
-            "progress": work.around.progress(words),
-        }
+        told = work.around.progress(words)
+        how: Record = {"rigid_body": body, "band": work.band, "time_limit": limit, "progress": told}
         work.reduction = reduce_within_bounds(work.identification, **how)
+    if work.reduction.stopped:
+        work.around.ended_early(words)
 
 
 def compared_with_fits(work: Work) -> None:

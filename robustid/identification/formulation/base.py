@@ -27,7 +27,7 @@ from robustid.identification.truncation import BalancedContraction
 LARGEST_EXACT = 200  # coefficients: the exact form is dense, n^4 work per Newton step
 
 _PER_SECOND = 2e10  # multiplications, of dense matrices on one core
-_PATIENCE = 5.0  # seconds of a step that is begun in any case: what is kept is worth it
+_PATIENCE = 3.0  # seconds of a step that is begun in any case: what is kept is worth it
 _STORED = 2.0  # GB: the Newton matrix, of which there are several copies
 
 Family = Interpolants | TaylorInterpolants

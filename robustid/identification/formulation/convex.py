@@ -13,6 +13,8 @@ from robustid.core import Array, Frozen, Numbers
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
+LEAST_SQUARES = "least squares"  # solver of a point without G: of the parameters alone
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ConvexData(Frozen):
@@ -37,6 +39,13 @@ class ConvexData(Frozen):
             fit = np.linalg.lstsq(rows.real(rows.P), rows.real(rows.y), rcond=None)[0][held]
             out[held] = np.clip(fit, low + (high - low) / 10, high - (high - low) / 10)
         return out
+
+    @functools.cached_property
+    def least_squares(self) -> NDArray[np.float64]:
+        """The parameters that suit the samples best without G, (m,): free ones; the others as in `origin`."""
+        p, free = self.origin.copy(), ~self.rows.held
+        p[free] = np.linalg.lstsq(self.rows.real(self.rows.P[:, free]), self.rows.real(self.y), rcond=None)[0]
+        return p
 
     @property
     def y(self) -> Numbers:

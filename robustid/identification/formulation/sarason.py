@@ -122,7 +122,7 @@ class SarasonMap(Frozen, abc.ABC):
 
     def norm(self, x: NDArray[np.float64]) -> float:
         """||X(x)||, the smallest gain of any function with these data."""
-        return float(np.linalg.norm(self.matrix(x), 2)) if self.pair.order else 0.0
+        return float(np.linalg.norm(self.matrix(x), 2)) if x.any() else 0.0
 
     def largest(self, level: float) -> float:
         """Largest ||X|| of the functions of the class that keep every residual within `level` bounds."""

@@ -67,10 +67,7 @@ def margin_path(data: ConvexData) -> Iterator[tuple[Candidate, float, float]]:
     rows, n = data.rows, data.sarason.size
     count = rows.cones
     program = barrier_program(data, Limits((1.0, 0.0), (np.zeros(count), np.ones(count))), 1.0)
-    # Least squares of the free parameters; the others are inside their intervals where q is counted from.
-    p, free = data.origin.copy(), ~rows.held
-    p[free] = np.linalg.lstsq(rows.real(rows.P[:, free]), rows.real(data.y), rcond=None)[0]
-    v = np.concatenate([np.zeros(n), data.orthonormal_parameters(p)])
+    v = np.concatenate([np.zeros(n), data.orthonormal_parameters(data.least_squares)])
     worst = float(rows.sizes(data.y - program.design.apply(v)[: rows.y.size]).max(initial=0.0))
     # Residuals are known to the rounding of y, in units of the bounds: no path goes below.
     floor = 4 * np.finfo(float).eps * max(1.0, float(np.abs(rows.y).max(initial=0.0)))
