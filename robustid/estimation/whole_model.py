@@ -29,6 +29,7 @@ _AS_GOOD, _UNCERTAIN = (
 )  # times the noise that local models find, and deviations of it: the model is one of the whole entry
 _STEPS = 40  # of least squares, after the poles are relocated: what relocation leaves is not noise
 _EDGE = 6  # lines on either side of a jump
+_WINDOW = 256  # lines around such a place that refined models follow: modes farther away are smooth there
 _NEAR = 2  # lines beside the most likely place of a jump, where it may be as well
 _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
@@ -278,18 +279,25 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
     evidence = np.sum([np.where(one > limit, one, 0) for one in each.values()], axis=0)
 
     @functools.cache
-    def plain(k: int) -> WholeModel | None:
-        return _whole(_entry(frf, k), True)
+    def plain(k: int, first: int) -> WholeModel | None:
+        return _whole(_entry(frf, k).select(slice(first, first + _WINDOW)), True)
 
+    looked_at = set[int]()
     for peak in _peaks(evidence):
+        first = max(min(peak - _WINDOW // 2, lines - _WINDOW), 0)
         for upper in _beside(peak, lines):
+            if upper in looked_at:
+                continue
+            looked_at.add(upper)
             factors, size, nearly = np.ones(entries, complex), 0.0, False
             for k, one in models.items():
-                if each[k][upper] <= limit or not one.as_good(float(each[k][upper])) or (whole := plain(k)) is None:
+                if each[k][upper] <= limit or not one.as_good(float(each[k][upper])):
+                    continue
+                if (whole := plain(k, first)) is None:
                     continue
                 gain, delay = ((float(chi[upper]), float(step[upper])) for chi, step in seen[k])
                 delayed = delay > gain
-                change, gained = _needed(_entry(frf, k), upper, whole, (delay if delayed else gain)[1], delayed)
+                change, gained = _needed(_entry(frf, k), upper, first, whole, (delay if delayed else gain)[1], delayed)
                 nearly |= gained > np.log(2 * lines)
                 own, values = complex(change[upper]), np.abs(one.values)
                 largest = min(values[:upper].max(), values[upper:].max())  # of either part
@@ -321,27 +329,29 @@ def _price(lines: int) -> float:
     return float(np.log(2 * lines) + 2 * np.log(2 * lines / _OF_JUMP))
 
 
-def _needed(one: FrequencyResponse, upper: int, plain: WholeModel, size: float, delayed: bool) -> tuple[Complex, float]:
+def _needed(
+    one: FrequencyResponse, upper: int, first: int, plain: WholeModel, size: float, delayed: bool
+) -> tuple[Complex, float]:
     """The change from a line on, and by how much models are better without it; its size is that of such a model.
 
     The first size is of a model that follows a part of the change with poles of its own. Without it no more poles are needed, and
-    at least half of them.
+    at least half of them. Models are of the window that begins at the first line, as the plain one is.
     """
     slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
+    window = slice(first, first + _WINDOW)
     for _ in range(_SIZES):
         change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
         by = np.where(np.arange(slope.size) >= upper, change, 1)
-        simpler = _whole(
-            dataclasses.replace(one, values=one.values / by[:, None, None]), True, plain.order // 2, plain.order
-        )
+        without = dataclasses.replace(one, values=one.values / by[:, None, None]).select(window)
+        simpler = _whole(without, True, plain.order // 2, plain.order)
         if simpler is None:
             break
         if plain.criterion - simpler.criterion > most:
             best, most = change, plain.criterion - simpler.criterion
         if most > _price(slope.size):
             break
-        more = float(_steps(simpler, slope if delayed else np.ones(slope.size))[1][upper])
+        more = float(_steps(simpler, slope[window] if delayed else np.ones(simpler.values.size))[1][upper - first])
         size = size + more if delayed else (1 + size) * (1 + more) - 1
     return best, most
 

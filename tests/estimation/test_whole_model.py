@@ -12,6 +12,7 @@ from robustid.estimation.whole_model import WholeModel, odd_lines
 from support.cases import slow
 from support.fault_judge import CATALOGUE, faulty_of
 from support.fault_plants import SIMULATED, simulated
+from support.measured import realdata
 
 CLEAN = {name: simulated(name).response for name in SIMULATED}
 
@@ -38,6 +39,20 @@ def test_a_seam_of_few_percent_is_named_at_its_place(name, delay):
     (fault,) = rid.prepare.response_faults(dataclasses.replace(frf, values=values))
     assert fault.kind == "seam"
     assert f"between {frf.freq_hz[half - 1]:.5g} Hz and {frf.freq_hz[half]:.5g} Hz" in fault.words
+
+
+@pytest.mark.realdata
+@realdata[1]
+@pytest.mark.parametrize("entry", [(1, 1), slow((0, 0)), slow((0, 1)), slow((0, 2)), slow((2, 1))])
+def test_of_a_long_entry_a_seam_is_named_and_none_that_is_not_there(entry):
+    """It has more modes than one model of 20 poles holds: 20 degrees at 1684 Hz, of entry (2, 2), were such a model's."""
+    frf = rid.estimate_frf(rid.datasets.load("fsm/train"), period=8192).entry(*entry).band(500, 1700)
+    assert told(frf) == []
+    values = frf.values.copy()
+    values[700:] *= np.exp(-0.5j * frf.omega[700:, None, None] / frf.omega[700])
+    (fault,) = rid.prepare.response_faults(dataclasses.replace(frf, values=values))
+    assert fault.kind == "seam"
+    assert f"between {frf.freq_hz[699]:.5g} Hz and {frf.freq_hz[700]:.5g} Hz" in fault.words
 
 
 @pytest.mark.parametrize("trials", [3, slow(20)])
