@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 import robustid as rid
 from robustid.advice import suggest_kautz
@@ -12,7 +13,7 @@ from robustid.app.run.posing import posed
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sequence import identified, reduced
-from robustid.app.run.work import Work
+from robustid.app.run.work import Work, narrowing_share
 from robustid.core import Budget, Source
 from robustid.errors import SizeError
 from support.matrix_plants import random_matrix_problem
@@ -66,3 +67,11 @@ def test_a_step_with_too_little_time_to_begin_is_named_though_time_is_left(monke
     assert len(around.stops.late) == 2
     assert work.small.order == work.identification.order
     assert around.budget.left > 500
+
+
+@pytest.mark.parametrize("late", [-30.0, -1e-3, 0.0, 1e-3, 0.5, 10.0, 30.0])
+def test_narrowing_takes_no_more_than_what_is_left_of_a_run(late):
+    """Where the time was over by 4 s, a share of -4 of these was 14 s."""
+    share = narrowing_share(30.0, late)
+    assert 0 <= share <= 1
+    assert share * late == pytest.approx(max(0.12 * 30 - (30 - late), 0.03 * late, 0.0))

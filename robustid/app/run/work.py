@@ -127,4 +127,4 @@ def narrowing_share(whole: float, left: float) -> float:
     """Part of the seconds that are left of a run, for what narrows its band."""
     if math.isinf(left):
         return 1.0
-    return max(_NARROWED * whole - (whole - left), _LEAST * left) / max(left, _LEAST)
+    return 0.0 if left <= 0 else max(_NARROWED * whole - (whole - left), _LEAST * left) / left
