@@ -30,7 +30,8 @@ _LESS = 0.7  # of the part of each value that is left, which a correction must r
 _SMALL = 1e-9  # part of the largest value, below which no part of it makes sense
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
 _OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
-_DECIBELS = 6.0  # by which a magnitude in decibels varies at least
+_EVEN = 0.4  # times the rms, that noise has in the median: .83 where it is as large everywhere
+_DECIBELS, _DYNAMIC = 6.0, 160.0  # by which a magnitude in decibels varies at least, and at most in any measurement
 _FOUND: weakref.WeakKeyDictionary[FrequencyResponse, tuple[Fault, ...]] = weakref.WeakKeyDictionary()
 _OF_STABLE = {
     "conjugate": FaultKind.PHASE_SIGN,
@@ -143,7 +144,7 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     for correction in _OF_STABLE:
         if correction == "phase in radians" and np.abs(np.angle(part.values)).max() > _FLAT:
             continue
-        if correction == "magnitude in dB" and np.ptp(np.abs(part.values)) < _DECIBELS:
+        if correction == "magnitude in dB" and not _DECIBELS <= np.ptp(np.abs(part.values)) <= _DYNAMIC:
             continue
         try:
             changed = [correct(one, correction) for one in _entries(part)]
@@ -179,17 +180,21 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
     """A bound that is smaller than the scatter around a smooth model, where what that leaves is white from point to point."""
     if frf.bound is None or len(frf.omega) < 2 * _FEWEST or np.any(frf.missing):
         return []
-    worst, times = 0.0, 0.0
-    noisy = [one for one in _entries(_representative(frf, bounded=True)) if noise_in_bounds(one) > 1]
-    for one in noisy:
+    judged: list[tuple[bool, float, float]] = []
+    for one in _entries(_representative(frf, bounded=True)):
+        if noise_in_bounds(one) <= 1:
+            continue
         found = roughness(one)
         bound: Real = one.bound.outer_radius
         left = np.abs(found.residual) / bound.reshape(-1)
         size = float(np.sqrt(np.mean(left**2)))
-        if found.white and size > worst:
-            worst, times = size, float(left.max())
-    if worst < _OUTSIDE:
+        # Modes narrower than the points are apart look like noise, in a part of the axis.
+        even = bool(np.median(left) >= min(_EVEN * size, _OUTSIDE))
+        if size >= _OUTSIDE and found.white and (even or not found.falling):
+            judged.append((even, size, float(left.max())))
+    if not judged:
         return []
+    _, worst, times = max(judged)
     factor = float(f"{1.2 * times:.3g}")
     words = (
         f"around a smooth model the values scatter by {worst:.2g} times their bound (rms), unrelated from one frequency point to"

@@ -31,7 +31,8 @@ FEWEST = _ORDERS[0] * _POINTS_A_POLE
 class Roughness(NamedTuple):
     """Residuals (F,) of a smooth model of one entry, their deviation nearby (F,) with its degrees of freedom, and its poles.
 
-    White where neighbouring residuals are unrelated: else they are more than noise, and the deviation is too large.
+    White where neighbouring residuals are unrelated: else they are more than noise, and the deviation is too large. Falling where
+    the criterion still fell at the highest order: there may be more modes than that, and what they leave is no noise either.
     """
 
     residual: Complex
@@ -39,6 +40,7 @@ class Roughness(NamedTuple):
     dof: float
     poles: int
     white: bool
+    falling: bool = False
 
 
 def roughness(frf: FrequencyResponse) -> Roughness:
@@ -87,7 +89,8 @@ def roughness(frf: FrequencyResponse) -> Roughness:
         white = bool(np.abs(np.sum(z[1:] * z[:-1].conj())) < _WHITE * power)
         criterion = 2 * unlikely + 2 * poles * float(np.log(2 * size))
         made.append((criterion, Roughness(residual, deviation, min(_POOL, size) * left, poles, white)))
-    return made[_best(made)][1]
+    best = _best(made)
+    return made[best][1]._replace(falling=best == len(made) - 1)
 
 
 def _bent(values: Complex, level: Real) -> float:

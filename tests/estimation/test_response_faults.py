@@ -180,3 +180,29 @@ def test_leaving_out_names_the_frequency_points_and_refuses_what_is_not_there():
     ):
         with pytest.raises(InputError):
             correct(frf, words)
+
+
+def of_many_modes(seed, *, damping):
+    """Twenty modes over two decades, lines 2.1 % apart: noise of .3 %, a bound of 1.2 %."""
+    rng, omega = np.random.default_rng(seed), np.geomspace(0.8, 120, 240)
+    own, gain = np.exp(rng.uniform(0, np.log(100), 20)), rng.standard_normal(20)
+    values = np.sum(gain * own / (own**2 - omega[:, None] ** 2 + 2j * damping * own * omega[:, None]), axis=1)
+    error = rng.standard_normal(omega.size) + 1j * rng.standard_normal(omega.size)
+    return rid.FrequencyResponse(omega, values * (1 + 0.003 / np.sqrt(2) * error), bound=0.012 * np.abs(values))
+
+
+@pytest.mark.parametrize("damping", [0.003, 0.01])
+def test_modes_as_narrow_as_the_lines_are_apart_are_no_noise(damping):
+    """They look like it in their part of the axis: 5 of 6 were told that their bounds are too small."""
+    assert [fault for seed in range(6) for fault in response_faults(of_many_modes(seed, damping=damping))] == []
+    small = of_many_modes(0, damping=0.03)
+    (fault,) = response_faults(small.with_bound(rid.Bound(0.03 * small.bound.outer_radius, kind="hard"), ""))
+    assert fault.kind == "small bound"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_magnitude_of_several_hundred_decibels_is_proposed(seed):
+    """The largest alone would be all that a model has to follow."""
+    frf = of_many_modes(seed, damping=0.003)
+    large = correct(frf, f"times {250 / np.abs(frf.values).max():.6g}")
+    assert "magnitude in dB" not in {fault.correction for fault in response_faults(large)}
