@@ -66,21 +66,26 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
         return nothing
     fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
     found, doubt = fit.described(fit.pairs()), None
+    modes = found.modes()
     if found.poles.size:
         near = _APART * (fit.angle[1] - fit.angle[0])
         wide = -np.log(np.abs(found.poles)) > near  # no peaks
         if not (kept := wide | found.shown()).all():
-            poles = fit.refined(found.poles[kept])
-            # A mode that runs off to what was left out shows that this is no peak of noise.
-            if np.all(wide[kept] | (np.abs(poles - found.poles[kept]) <= near)):
+            fewer = fit.described(fit.refined(found.poles[kept]))
+            stays = wide[kept] | (np.abs(fewer.poles - found.poles[kept]) <= near)
+            # A mode that runs off to what was left out shows that this is no peak of noise; modes with it and without are told.
+            if np.all(stays):
                 away = np.abs(at[:, None] - np.angle(found.poles[~kept])).min(axis=1)
                 lines = np.flatnonzero(away <= near)
                 doubt = Doubt(lines, found.spectra(x, samples, last), found.responses(at[lines])[0])
-                found = fit.described(poles)
+                found, modes = fewer, fewer.modes()
+            else:
+                alike = np.flatnonzero(kept)[[j for j in fewer.modes() if stays[j]]]
+                modes = {k: one for k, one in modes.items() if k in alike}
     values, covariance = found.responses(at)
     if not np.all(np.isfinite(covariance)):
         return nothing
-    return Predicted(found.spectra(x, samples, last), values, covariance, doubt, found.modes())
+    return Predicted(found.spectra(x, samples, last), values, covariance, doubt, tuple(modes.values()))
 
 
 class _Spectra(PoleFit):
@@ -220,12 +225,12 @@ class _Description:
                 found[k] |= bool(c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] >= _SHOWN**2)
         return found
 
-    def modes(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Pairs of one response that are lightly damped, between the lines: four standard deviations on either side."""
-        found: list[tuple[float, float, float, float]] = []
+    def modes(self) -> dict[int, tuple[float, float, float, float]]:
+        """Pairs of one response that are lightly damped, between the lines, by number: four standard deviations on either side."""
+        found: dict[int, tuple[float, float, float, float]] = {}
         low, high = self.fit.angle[[0, -1]]
         if self.c.shape[:2] != (1, 2) or np.any(self.poles.imag == 0):
-            return ()
+            return found
         shown = self.shown()
         for k, (pole, s) in enumerate(zip(self.poles, np.log(self.poles), strict=True)):
             if s.real >= 0 or not shown[k]:
@@ -239,8 +244,8 @@ class _Description:
                 np.array([omega, -s.real / omega]) + sign * _DEVIATIONS * deviations for sign in (-1, 1)
             )
             if low < left <= right < high and _LEAST < most < _LIGHT:
-                found.append((float(left), float(right), float(max(least, _LEAST)), float(most)))
-        return tuple(found)
+                found[k] = float(left), float(right), float(max(least, _LEAST)), float(most)
+        return found
 
     def spectra(self, x: Complex, samples: int, last: int) -> Complex:
         """Spectra of the outputs as they are explained, (R, K, nz): up to the last line, 0 at the others."""
