@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import bisect
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ _OF_JUMP = 1e-3  # and of one at a jump,
 _OF_PLACE = 1.0  # which is sought where something is seen,
 _PLACES, _SIZES = 3, 2  # at so many places, by so many models
 _ORDERS = (4, 6, 8, 12, 16, 20)
+_MORE = (1, 2)  # poles, beside the order of a model of a change
 _A_POLE, _FEWEST, _MOST = 6, 48, 2000  # lines; and lines of all entries
 _AS_GOOD, _UNCERTAIN = (
     1.2,
@@ -98,12 +99,12 @@ def _entry(frf: FrequencyResponse, number: int) -> FrequencyResponse:
     return frf.entry(*divmod(number, frf.values.shape[2]))
 
 
-def _whole(one: FrequencyResponse, refined: bool, least: int = 0, most: int = _ORDERS[-1]) -> WholeModel | None:
+def _whole(one: FrequencyResponse, refined: bool, orders: Sequence[int] = _ORDERS) -> WholeModel | None:
     """Model of the order with the smallest Bayesian information criterion, of these."""
     bound = one.bound.outer_radius.reshape(-1)
     if not np.all(bound > 1e-12 * float(np.abs(one.values).max())):
         return None
-    best, fit = _of_least_criterion(one, refined, least, most)
+    best, fit = _of_least_criterion(one, refined, orders)
     if best is None:
         return None
     right = _real(one.values.reshape(-1) / bound)
@@ -118,14 +119,14 @@ def _whole(one: FrequencyResponse, refined: bool, least: int = 0, most: int = _O
     return WholeModel(best.values, left, basis, power / spare, noise, dof, best.order, best.criterion)
 
 
-def _of_least_criterion(one: FrequencyResponse, refined: bool, least: int, most: int) -> tuple[_Fitted | None, PoleFit]:
+def _of_least_criterion(one: FrequencyResponse, refined: bool, orders: Sequence[int]) -> tuple[_Fitted | None, PoleFit]:
     bound = one.bound.outer_radius.reshape(-1)
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
     right = _real(one.values.reshape(-1) / bound)
     best: _Fitted | None = None
-    for order in _ORDERS[bisect.bisect_left(_ORDERS, least) :]:
-        if order * _A_POLE > bound.size or order > most:
+    for order in orders:
+        if order * _A_POLE > bound.size:
             break
         poles = fit.search(order, np.zeros(1), decades=False)[1][0]
         if refined:
@@ -335,20 +336,26 @@ def _needed(
     """The change from a line on, and by how much models are better without it; its size is that of such a model.
 
     The first size is of a model that follows a part of the change with poles of its own. Without it no more poles are needed, and
-    at least half of them. Models are of the window that begins at the first line, as the plain one is.
+    at least half of them; nor do one or two poles more do as well as the change. Models are of the window that begins at the first
+    line, as the plain one is.
     """
     slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
     window = slice(first, first + _WINDOW)
+    orders = [order for order in _ORDERS if plain.order // 2 <= order <= plain.order]
     for _ in range(_SIZES):
         change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)
         by = np.where(np.arange(slope.size) >= upper, change, 1)
         without = dataclasses.replace(one, values=one.values / by[:, None, None]).select(window)
-        simpler = _whole(without, True, plain.order // 2, plain.order)
+        simpler = _whole(without, True, orders)
         if simpler is None:
             break
-        if plain.criterion - simpler.criterion > most:
-            best, most = change, plain.criterion - simpler.criterion
+        gained = plain.criterion - simpler.criterion
+        if gained > _price(slope.size):  # one or two poles more, between the orders that are tried, may do as well
+            between = _whole(one.select(window), True, [simpler.order + more for more in _MORE])
+            gained = min(gained, np.inf if between is None else between.criterion - simpler.criterion)
+        if gained > most:
+            best, most = change, gained
         if most > _price(slope.size):
             break
         more = float(_steps(simpler, slope[window] if delayed else np.ones(simpler.values.size))[1][upper - first])
