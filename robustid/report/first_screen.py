@@ -61,7 +61,7 @@ def glance(
     if bound is not None and not contradicted:
         words = _sentence(identification, bound, drawn)  # a warning says what it is about
     elif bound is None and identification.status is Status.CONSISTENT:
-        words = _UNBOUNDED
+        words = _UNBOUNDED if band is None else band_sentence(identification, band)
     if isinstance(bound, Band) and words:
         words = f"{words} {stands_on(bound, worst_case)}".rstrip()
     if bound is not None and words and (said := scope(identification).removeprefix(", ")):

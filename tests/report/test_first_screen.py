@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.core import exponents_of
 from robustid.identification import fit_percent
 from robustid.report import Verdict, render_report
 from robustid.report.document import Document, Heading, Text
@@ -164,3 +165,15 @@ def test_fit_in_per_cent_is_that_of_the_residuals():
     for kind, measured, predicted in (("frequency", values, response), ("time", record.y[:, 0], simulated)):
         left, size = abs(measured - predicted) ** 2, abs(measured - measured.mean()) ** 2
         assert found[kind] == pytest.approx(100 * (1 - (left.sum() / size.sum()) ** 0.5), abs=1e-6)
+
+
+def test_the_first_screen_says_why_a_band_proves_nothing(consistent):
+    """A box down to no damping at all: to bound the error was tried already."""
+    poles = consistent.problem.parametric.poles
+    modes = np.unique(np.abs(exponents_of(poles[np.imag(poles) > 0], consistent.problem.dt)))
+    box = np.outer(modes, [0.5, 1.5]), np.tile([1e-6, 0.3], (modes.size, 1))
+    band = rid.band(consistent, box=box)
+    assert not band.bounded.any()
+    first = Page(render_report(consistent, band=band)).text.split("Open all details")[0]
+    assert f"Nothing is proved of the error: {band.why_nothing}" in first
+    assert "not bounded on this page yet" not in first
