@@ -198,7 +198,7 @@ def _second(x: Complex, poles: Complex) -> Complex:
     for pole in poles:
         own, other = 1 / (x - pole) ** 2, 1 / (x - np.conj(pole)) ** 2
         columns += [own + other, 1j * (own - other)] if pole.imag else [own]
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1) if columns else np.zeros((x.size, 0), complex)
 
 
 def _real(values: np.ndarray) -> Real:

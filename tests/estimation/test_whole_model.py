@@ -8,7 +8,7 @@ import pytest
 import robustid as rid
 from robustid.core import responses
 from robustid.data import joint_radius
-from robustid.estimation.whole_model import WholeModel, odd_lines
+from robustid.estimation.whole_model import WholeModel, _second, odd_lines
 from support.cases import slow
 from support.fault_judge import CATALOGUE, faulty_of
 from support.fault_plants import SIMULATED, simulated
@@ -135,3 +135,8 @@ def test_most_seams_of_five_percent_are_named_in_sixty_points_of_a_process_and_n
         named += "seam" in [fault.kind for fault in rid.prepare.response_faults(faulty)]
         assert rid.prepare.response_faults(clean.response) == (), seed
     assert named >= 20
+
+
+def test_a_model_whose_poles_all_explain_one_line_each_has_none_that_move():
+    """Such poles are left out: a slice of a hundred (seed 8) ended in an error of numpy."""
+    assert _second(np.exp(1j * np.linspace(0, 1, 5)), np.zeros(0, complex)).shape == (5, 0)
