@@ -45,6 +45,10 @@ _log = logging.getLogger("robustid")
 _DOUBLE = 1 - 1e-6  # damping of a pair from which on it is a double real pole but for rounding
 _SLOWER = 1e-3  # times the lowest frequency point: a real pole there is 1/s at all points
 _FASTER, _FASTEST = 30.0, 300.0  # times the highest frequency point: for a real pole over decades, and for one more
+_FREE = (
+    "; a mode below the first frequency point may stand for a machine that is free to move: in its place integrators = 2"
+    " (1 from torque to speed)"
+)
 _BEYOND = 2.0  # times the highest frequency point, or so far below the lowest: a pole is no mode there, but a slope
 _TWICE = 2  # a real pole of a process: errors of its place do not matter to first order
 
@@ -232,15 +236,9 @@ def suggest_kautz(
         return _of_decades(fit, decades, lowest, repeat)
     if not step and wanted is None and np.any(far := omega > _BEYOND * frf.omega[-1]):
         edges[far] = np.stack([omega[far], damping[far]], axis=1)[:, :, None]
-        reason += (
-            f"; {np.sum(far)} of them far above the frequency points: what rises or falls towards these has the pole's place as a"
-            " choice, with no interval"
-        )
+        reason += _far_words(int(np.sum(far)))
     if step and np.any(omega < frf.omega[0]):
-        reason += (
-            "; a mode below the first frequency point may stand for a machine that is free to move: in its place integrators = 2"
-            " (1 from torque to speed)"
-        )
+        reason += _FREE
     chosen = 0
     if step:
         chosen = smallest_remainder(fit, poles[kept]) if fixed_delay is None else fixed_delay
@@ -258,6 +256,13 @@ def suggest_kautz(
         delay=chosen,
         reason=reason,
         complete=not clock.ended,
+    )
+
+
+def _far_words(count: int) -> str:
+    return (
+        f"; {count} of them far above the frequency points: what rises or falls towards these has the pole's place as a"
+        " choice, with no interval"
     )
 
 

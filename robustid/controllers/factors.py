@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from robustid.errors import InputError
 from robustid.identification import as_system
 
 if TYPE_CHECKING:
-    pass
+    import control
 
 Interval = float | tuple[float, float]
 
@@ -153,7 +153,7 @@ class Fixed:
         With the time base of the plant.
     """
 
-    model: Any
+    model: control.StateSpace | control.TransferFunction
 
     @property
     def free(self) -> tuple[tuple[float, float], ...]:

@@ -5,7 +5,7 @@ The loop is u = r - C y throughout. Factors have as many states as their system;
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -265,7 +265,7 @@ def _largest_angle(one: StateMatrices, two: StateMatrices, dt: float | None, *, 
 
 
 def _pair(
-    one: tuple[str, Any], other: tuple[str, Any], *, opposite: bool
+    one: tuple[str, object], other: tuple[str, object], *, opposite: bool
 ) -> tuple[StateMatrices, float | None, StateMatrices]:
     """Two systems of one size, or of opposite sizes, and their time base."""
     (name, _), (second, _) = one, other

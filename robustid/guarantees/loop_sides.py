@@ -88,7 +88,7 @@ def as_side(name: str, thing: object) -> Side:
     return _known(name, thing)
 
 
-def _known(name: str, thing: Any) -> Side:
+def _known(name: str, thing: object) -> Side:
     """A system without error."""
     import control
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -88,7 +88,7 @@ def _draw_on(chart: Chart, ax: object) -> Figure:
     return cast("Figure", axes[0].figure)
 
 
-def _draw_layer(ax: Axes, layer: Layer) -> Any:
+def _draw_layer(ax: Axes, layer: Layer) -> object:
     marker = _MARKERS.get(layer.marker.removesuffix("-open"), "none")
     style: Options = {"color": layer.colour, "linestyle": _DASHES[layer.dash], "marker": marker}
     if layer.marker.endswith("-open"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -48,9 +48,6 @@ from robustid.guarantees import (
 from robustid.identification import Comparison, Identification, MixedProblem, Validation
 from robustid.reduction import Reduction
 from robustid.report import Document
-
-if TYPE_CHECKING:
-    pass
 
 
 def looked(found: Sequence[Look], exit_code: int) -> Answer:

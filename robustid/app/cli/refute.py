@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,7 +16,7 @@ from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
     from robustid.data import FrequencyResponse, TimeRecord
-    from robustid.guarantees import Coverage
+    from robustid.guarantees import Band, Coverage
 
 _STATUS = {"inside": Status.CONSISTENT, "refuted": Status.INCONSISTENT, "undecided": Status.UNDECIDED}
 
@@ -84,7 +84,7 @@ def refute(
     raise typer.Exit(code)
 
 
-def _covered(band: Any, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> Coverage:
+def _covered(band: Band, lines: list[FrequencyResponse], samples: list[TimeRecord]) -> Coverage:
     """New responses against the discs of a band: of one that holds at every frequency at those of the data."""
     from robustid.guarantees import coverage, on_lines
 

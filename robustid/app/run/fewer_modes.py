@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -51,7 +50,7 @@ def without_mode(modes: Modes, number: int) -> Modes:
     return dataclasses.replace(modes, **without_number(modes, number), note=note)
 
 
-def without_number(stated: Any, number: int) -> Record:
+def without_number(stated: object, number: int) -> Record:
     """Frequencies, damping ratios and boxes, of modes or of a member, without those of one mode."""
     kept = {name: getattr(stated, name) for name in _BY_MODE}
     return {name: None if values is None else values[:number] + values[number + 1 :] for name, values in kept.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.rigid_body import RigidBody
 from robustid.fitting.state_space.given_poles import Samples, diagonal_blocks, fit_inputs, fit_outputs, real_rows
 from robustid.fitting.state_space.subspace import subspace_estimate
-
-if TYPE_CHECKING:
-    pass
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances
 _POINTS_PER_OUTPUT = 4  # frequency points for every output that an estimate takes at least

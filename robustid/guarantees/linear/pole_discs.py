@@ -25,14 +25,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
 
 import numpy as np
 import scipy.sparse.csgraph
 import scipy.special
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Plane, Real, freeze
+from robustid.core import Complex, Frozen, Plane, Real, SPlane, freeze
 
 _ROUNDING = 1e-12  # of a distance between poles: a few operations, none of which cancels
 _TERMS = 48  # of the series of a mode, at most: 24 leave more of a wide box than the data tell of its amplitude
@@ -318,8 +317,9 @@ def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real)
     """Series for the boxes (M, 2), long enough for remainders below a part `wanted` (M,) of the amplitudes."""
 
     def in_z(s: Complex) -> Complex:
-        own: Any = plane
-        return np.asarray(np.exp(s * own.dt) if own.dt else (own.corner + s) / (own.corner - s), dtype=complex)
+        if isinstance(plane, SPlane):
+            return np.asarray((plane.corner + s) / (plane.corner - s), dtype=complex)
+        return np.asarray(np.exp(s * plane.dt), dtype=complex)
 
     poles: list[Complex] = []
     sizes: list[Real] = []
