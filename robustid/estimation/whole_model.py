@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
-from robustid.estimation.axis_parts import Jump, of_resonance
+from robustid.estimation.axis_parts import Jump, least_step, of_resonance
 from robustid.estimation.local_models import unlikely
 from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
@@ -315,7 +315,7 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
                 largest = min(values[:upper].max(), values[upper:].max())  # of either part
                 if gained > _price(lines) and np.abs(own - 1) * largest > _PART and not of_resonance(own):
                     factors[k], size = own, max(size, float(np.abs(own - 1) * values[upper - 1 : upper + 1].mean()))
-            if size > 0:
+            if size > 0 and size >= least_step(frf):
                 return Jump(upper, factors, size)
             if upper == peak and not nearly:
                 break

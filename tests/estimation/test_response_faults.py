@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.data import FaultKind
 from robustid.errors import InputError
+from robustid.estimation.frf import response_alone
+from robustid.estimation.outlying_lines import related
 from robustid.prepare import correct, response_faults
+from support.fault_plants import simulated
 
 HZ = 2 * np.pi
 
@@ -154,6 +158,19 @@ def test_clean_responses_are_told_of_nothing(seeds):
         )
         told += bool(response_faults(frf))
     assert told == 0
+
+
+def test_errors_of_overlapping_windows_are_alike_and_a_clear_jump_in_them_is_named():
+    """They step from one window to the next: only a jump of a bound and more is one."""
+    heater = simulated("heater")
+    frf = response_alone(heater.random)
+    assert related(frf)
+    assert not related(heater.response)
+    assert not related(response())  # without a covariance nobody can tell
+    assert response_faults(frf) == ()
+    values = frf.values.copy()
+    values[frf.omega.size // 2 :] *= 1.3
+    assert FaultKind.SEAM in {fault.kind for fault in response_faults(dataclasses.replace(frf, values=values))}
 
 
 def test_few_lines_and_what_is_missing_say_nothing():
