@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
 from robustid.estimation.axis_parts import Jump, least_step, of_resonance
-from robustid.estimation.local_models import unlikely
+from robustid.estimation.local_models import mean_nearby, unlikely
 from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
 
@@ -36,6 +36,7 @@ _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
 _QUIET = 12.0  # of chi-squared of a line beside, which a mode of some width would move too
 _FEW = 0.1  # of the lines
+_AROUND = 24  # lines on either side that tell the scatter at a line; and half of them, which a median is worth
 _SEVERAL, _SPARED = 3, 3.0  # lines beyond their bounds; deviations of the model
 _RELATED = 3.0  # deviations of a correlation of neighbours
 
@@ -234,6 +235,8 @@ def odd_lines(models: dict[int, WholeModel]) -> list[Odd]:
         beside = np.maximum(np.append(square[1:], 0), np.insert(square[:-1], 0, 0))
         # A bound from few residuals is small by chance at some lines: their errors in units of it are F distributed.
         chance = square / 2 if one.dof is None else unlikely(square / 2, one.dof)
+        # Nor is the scatter of what a bound leaves out, as distortion at a resonance, the same everywhere.
+        chance = np.minimum(chance, unlikely(square / mean_nearby(square, _AROUND), _AROUND))
         odd = np.flatnonzero((chance > limit) & (away > 1) & (beside < _QUIET))
         most = _AS_GOOD + _UNCERTAIN / np.sqrt(one.spare)
         if odd.size <= max(1, _FEW * lines) and one.as_good(float(square[odd].sum()), most):

@@ -130,6 +130,23 @@ def test_repeated_frequency_points_contradict_each_other():
     assert response_faults(rid.FrequencyResponse(omega, same, bound=4e-3)) == ()
 
 
+def uneven(seed):
+    """Errors up to six times as large at the second mode, as distortion is: 2 to 3 of the bounds there, which do not know it."""
+    frf, rng = response(seed), np.random.default_rng([seed, 1])
+    error = rng.standard_normal(frf.omega.size) + 1j * rng.standard_normal(frf.omega.size)
+    error *= 6e-3 / np.sqrt(2) / (1 + ((frf.omega - 81.6) / 20) ** 2)
+    return changed(frf, slice(None), error[:, None, None])
+
+
+@pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.slow)])
+def test_where_all_lines_scatter_more_none_of_them_is_off(seeds):
+    """Lines of the mirror at its resonance were told so, which other excitations of it do not show."""
+    for seed in range(seeds):
+        assert FaultKind.OUTLIER not in {fault.kind for fault in response_faults(uneven(seed))}
+        found = response_faults(changed(uneven(seed), 72, 0.1))
+        assert FaultKind.OUTLIER in {fault.kind for fault in found}
+
+
 def test_units_do_not_matter():
     for unit in (2.0**-60, 2.0**60):
         frf = changed(response(unit=unit), 120, 0.1 * unit)
