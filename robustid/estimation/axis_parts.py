@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
 from robustid.estimation.local_models import Said, neighbours, said_at_zero, unlikely
-from robustid.estimation.outlying_lines import Entry, entries_of
+from robustid.estimation.outlying_lines import Entry, entries_of, related
 
 _CHANCE = 1e-3  # of a false alarm, over all places of all entries
 _SIDES = ((1, 1, 8), (2, 1, 10), (1, 2, 10), (2, 2, 12))  # poles, degree and lines on either side of a jump
@@ -119,9 +119,14 @@ def jump(frf: FrequencyResponse, out: NDArray[np.bool_]) -> Jump | None:
                 beside = usable[gap - 1 : gap + 1]
                 there = float(np.abs(factor - 1) * np.abs(one.values[beside]).mean())
                 size = max(size, there / float(one.bound[beside].mean()) if one.bound[beside].any() else np.inf)
-        if size > 0:
+        if size > 0 and size >= least_step(frf):
             return Jump(int(usable[gap]), factors, size)
     return None
+
+
+def least_step(frf: FrequencyResponse) -> float:
+    """Bounds that a step takes at least: errors that lines beside each other share step too, from one window to the next."""
+    return float(related(frf))
 
 
 def _jumps(one: Entry, usable: NDArray[np.intp], gaps: NDArray[np.intp], limit: float) -> Real:

@@ -23,8 +23,8 @@ def added_variance(
 
     Without a difference D has the variance s^2, twice the `noise` of a half, estimated, and ``dof log(1 + |D|^2/(dof s^2))`` is
     exponentially distributed: its sum over a block of lines has a gamma distribution (`pintelon2012`, section 2.6). Blocks are all
-    lines, halves of them, quarters, and so on; so many lines as are `shared` say the same, where windows overlap. In a block beyond
-    chance the halves scatter about their mean with |D|^2/4.
+    lines, halves of them, quarters, and so on; so many lines as are `shared` say the same, where windows overlap, at most 1 where
+    they do not. In a block beyond chance the halves scatter about their mean with |D|^2/4.
     """
     beyond, square = beyond_chance(difference, noise, dof, chance, shared), np.abs(difference) ** 2
     around = np.arange(len(square))[:, None] + np.arange(-_AROUND, _AROUND + 1)
@@ -44,6 +44,6 @@ def beyond_chance(difference: np.ndarray, noise: Real, dof: float, chance: float
     beyond = np.zeros(seen.shape, dtype=bool)
     for level in range(levels):
         for block in np.array_split(np.arange(lines), 2**level):
-            count = max(block.size / shared, 1.0)  # of lines that say something of their own
+            count = max(block.size / max(shared, 1.0), 1.0)  # of lines that say something of their own, each no more
             beyond[block] |= gammaincc(count, count * seen[block].mean(axis=0)) < limit
     return beyond & known

@@ -14,7 +14,7 @@ from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation.axis_parts import Jump, jump, unexcited
 from robustid.estimation.corrections import leaving_out, written_hz
 from robustid.estimation.local_models import FEWEST
-from robustid.estimation.outlying_lines import NARROW, Odd, odd_values
+from robustid.estimation.outlying_lines import NARROW, Odd, contradicting, odd_values
 from robustid.estimation.whole_model import beyond_bounds, jump_of_models, odd_lines, whole_models
 
 _TWICE = 1.5  # times the sum of their bounds, by which values at the same frequency contradict each other,
@@ -70,7 +70,7 @@ def _of_whole(frf: FrequencyResponse, odd: list[Odd], wrong: NDArray[np.bool_]) 
     step = jump_of_models(models, part)
     if step is not None:
         return odd, step._replace(upper=int(lines[step.upper])), 0.0
-    more = [one._replace(line=int(lines[one.line])) for one in odd_lines(models)]
+    more = [one._replace(line=int(lines[one.line])) for one in contradicting(part, odd_lines(models))]
     if more or not beyond_bounds(models):
         return sorted([*odd, *more]), None, 0.0
     return odd, None, beyond_bounds(whole_models(part, refined=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
@@ -30,6 +31,12 @@ class Said(NamedTuple):
 def unlikely(ratio: Real | float, dof: float) -> Real:
     """Minus the logarithm of the chance of such a ratio of mean squares of complex noise, of one value over `dof` others."""
     return dof * np.log1p(np.asarray(ratio, float) / dof)
+
+
+def mean_nearby(squares: Real, reach: int) -> Real:
+    """Mean of exponentially distributed squares around every line, from their median: a few that are odd do not move it."""
+    near = sliding_window_view(np.pad(squares, reach, mode="reflect"), 2 * reach + 1)
+    return np.asarray(np.median(near, axis=1) / np.log(2), dtype=float)
 
 
 def neighbours(count: int, lines: NDArray[np.intp], usable: NDArray[np.intp]) -> NDArray[np.intp]:

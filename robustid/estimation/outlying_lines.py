@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ _MOST = 0.1  # of all lines: where more are odd, the neighbourhoods say nothing
 _DIP = 5  # neighbours whose median a response is at least
 _TURNS = 8  # of a fit that has to find a pole
 _ZERO = 1e-9  # of a denominator
+_RELATED = 0.6  # of the deviation that a covariance states: errors of neighbours that scatter less are alike
 _LEAST = 1e-3  # of the response nearby: scatter that is counted at least where no bound is stated
 
 
@@ -92,7 +94,20 @@ def odd_values(frf: FrequencyResponse) -> list[Odd]:
     found = [odd for k, one in enumerate(entries) for odd in (_odd_of(one, k, limit) if one.omega.size else [])]
     if len({odd.line for odd in found}) > max(1, _MOST * frf.omega.size):
         return []
-    return sorted(found)
+    return contradicting(frf, sorted(found))
+
+
+def contradicting(frf: FrequencyResponse, odd: Sequence[Odd]) -> list[Odd]:
+    """Odd values that are off by more than the bounds beside them take too, where lines beside each other err alike."""
+    if not odd or frf.bound is None or not related(frf):
+        return list(odd)
+    radius: Real = frf.bound.outer_radius.reshape(frf.omega.size, -1)
+    kept: list[Odd] = []
+    for one in odd:
+        around = radius[max(one.line - _DIP // 2, 0) : one.line + _DIP // 2 + 1, one.entry]
+        if one.bounds * radius[one.line, one.entry] > radius[one.line, one.entry] + float(np.median(around)):
+            kept.append(one)
+    return kept
 
 
 def _odd_of(one: Entry, entry: int, limit: float) -> list[Odd]:
@@ -221,15 +236,29 @@ def _model_explains(
 
 def noise_in_bounds(frf: FrequencyResponse) -> float:
     """Scatter around local models of an entry with a bound, rms in units of it, by the models that find it the smallest."""
-    found = np.inf
-    for one in entries_of(frf):
-        if not one.omega.size:
-            continue
-        every, bound = np.arange(one.omega.size), np.maximum(one.bound, 1e-12 * float(one.near.max()))
-        for poles, power, points in ORDERS:
-            at = neighbours(points, every, every)
-            x = one.omega[at] - one.omega[:, None]
-            x = x / np.maximum(np.abs(x).max(axis=1, keepdims=True), np.finfo(float).tiny)
-            scatter = said_at_zero(x, one.values[at], bound[at], poles, power).scatter
-            found = min(found, float(np.sqrt(np.mean(scatter))))
-    return found
+    return min((float(np.sqrt(np.mean(square))) for one in entries_of(frf) for square in _squares(one)), default=np.inf)
+
+
+def related(frf: FrequencyResponse) -> bool:
+    """Return whether lines beside each other err alike: they scatter less than their covariance says, in the median.
+
+    Estimates whose windows overlap do, by a third of it; those of a line alone as much as it says.
+    """
+    return frf.covariance is not None and any(
+        float(np.median(np.sqrt(square))) < _RELATED
+        for one in entries_of(dataclasses.replace(frf, bound=None))
+        for square in _squares(one)
+    )
+
+
+def _squares(one: Entry) -> Iterator[Real]:
+    """Mean squares of what local models of each order leave around every line, in units of the bound, or of the deviation."""
+    every = np.arange(one.omega.size)
+    if not every.size:
+        return
+    unit = np.maximum(one.bound, 1e-12 * float(one.near.max())) if np.any(one.bound) else one.deviation
+    for poles, power, points in ORDERS:
+        at = neighbours(points, every, every)
+        x = one.omega[at] - one.omega[:, None]
+        x = x / np.maximum(np.abs(x).max(axis=1, keepdims=True), np.finfo(float).tiny)
+        yield said_at_zero(x, one.values[at], unit[at], poles, power).scatter

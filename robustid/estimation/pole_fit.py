@@ -23,6 +23,7 @@ _WIDE = 100.0  # highest over lowest frequency from which on the plant may be on
 _SMALLEST = 1e-9  # part of the largest |G| below which a relative weight makes no sense
 _STEP = 1e-6  # of the differences, in units of 1/omega and of the unit circle
 _TIGHT = 1e-11
+_ABOVE = 2.0  # times the highest frequency, where a pole above the band begins
 _APART = 5  # frequency points between pairs that are added
 _NEAR, _FAR, _WIDER = 1e-3, 10.0, 1.5  # how far a delay is moved for its deviation, times the largest omega
 
@@ -249,6 +250,12 @@ class PoleFit:
             at.append(k)
             left[np.abs(self.omega - self.omega[k]) <= _APART * width[k]] = 0
         return np.concatenate([poles, self._placed(self.omega[at], width[at], missing)])
+
+    def beyond(self, poles: np.ndarray) -> np.ndarray:
+        """The poles, and a pair above the band: a mode of which only the flank shows. Relocation rarely finds it from within."""
+        high = self._band[1]
+        above = _ABOVE * high if self.dt is None else (high + np.pi / self.dt) / 2
+        return np.concatenate([poles, self._placed(np.array([above]), np.array([_DAMPING * above]), 2)])
 
     def _placed(self, omega: np.ndarray, width: np.ndarray, order: int) -> np.ndarray:
         """Pairs at frequencies with distances from the axis in rad/s, and a real pole where the order is odd."""

@@ -12,11 +12,12 @@ from robustid.data import Fault, FaultKind, FrequencyResponse, as_frequency_resp
 from robustid.errors import InputError
 from robustid.estimation.corrections import MISTAKES, correct
 from robustid.estimation.line_faults import line_faults
-from robustid.estimation.outlying_lines import noise_in_bounds
+from robustid.estimation.outlying_lines import noise_in_bounds, related
 from robustid.estimation.pole_fit import PoleFit
 from robustid.estimation.roughness import roughness
 
 _POLES, _POINTS, _FEWEST, _ENTRIES = 20, 400, 16, 4
+_ALIKE = 3  # lines of overlapping windows that say as much as one: such a window has about three for each unknown
 # A correction is believed when a stable model then leaves a third of what it left, and at most so much of the response.
 _BETTER, _GOOD, _BAD = 3.0, 0.2, 0.05
 _JUMPS, _SMOOTH = (
@@ -132,7 +133,7 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     if frf.bound is not None:  # what may as well be zero is no shape
         size, bound = (np.linalg.norm(one, axis=(1, 2)) for one in (frf.values, frf.bound.outer_radius))
         whole &= size > bound
-    if int(whole.sum()) < _FEWEST or not np.any(frf.values[whole]):
+    if int(whole.sum()) < _FEWEST * (_ALIKE if related(frf) else 1) or not np.any(frf.values[whole]):
         return []
     part = _representative(frf.select(whole))
     before, poles = misfit(part)

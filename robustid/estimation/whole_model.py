@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 from robustid.data import FrequencyResponse
-from robustid.estimation.axis_parts import Jump, of_resonance
-from robustid.estimation.local_models import unlikely
+from robustid.estimation.axis_parts import Jump, least_step, of_resonance
+from robustid.estimation.local_models import mean_nearby, unlikely
 from robustid.estimation.outlying_lines import NARROW, Odd, noise_in_bounds
 from robustid.estimation.pole_fit import PoleFit, fractions
 
@@ -22,7 +22,7 @@ _OF_JUMP = 1e-3  # and of one at a jump,
 _OF_PLACE = 1.0  # which is sought where something is seen,
 _PLACES, _SIZES = 3, 2  # at so many places, by so many models
 _ORDERS = (4, 6, 8, 12, 16, 20)
-_MORE = (1, 2)  # poles, beside the order of a model of a change
+_MORE = (0, 1, 2)  # poles, beside the order of a model of a change
 _A_POLE, _FEWEST, _MOST = 6, 48, 2000  # lines; and lines of all entries
 _AS_GOOD, _UNCERTAIN = (
     1.2,
@@ -36,6 +36,7 @@ _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
 _QUIET = 12.0  # of chi-squared of a line beside, which a mode of some width would move too
 _FEW = 0.1  # of the lines
+_AROUND = 24  # lines on either side that tell the scatter at a line; and half of them, which a median is worth
 _SEVERAL, _SPARED = 3, 3.0  # lines beyond their bounds; deviations of the model
 _RELATED = 3.0  # deviations of a correlation of neighbours
 
@@ -99,12 +100,14 @@ def _entry(frf: FrequencyResponse, number: int) -> FrequencyResponse:
     return frf.entry(*divmod(number, frf.values.shape[2]))
 
 
-def _whole(one: FrequencyResponse, refined: bool, orders: Sequence[int] = _ORDERS) -> WholeModel | None:
-    """Model of the order with the smallest Bayesian information criterion, of these."""
+def _whole(
+    one: FrequencyResponse, refined: bool, orders: Sequence[int] = _ORDERS, *, beyond: bool = False
+) -> WholeModel | None:
+    """Model of the order with the smallest Bayesian information criterion, of these; also with a mode `beyond` the band."""
     bound = one.bound.outer_radius.reshape(-1)
     if not np.all(bound > 1e-12 * float(np.abs(one.values).max())):
         return None
-    best, fit = _of_least_criterion(one, refined, orders)
+    best, fit = _of_least_criterion(one, refined, orders, beyond)
     if best is None:
         return None
     right = _real(one.values.reshape(-1) / bound)
@@ -119,7 +122,9 @@ def _whole(one: FrequencyResponse, refined: bool, orders: Sequence[int] = _ORDER
     return WholeModel(best.values, left, basis, power / spare, noise, dof, best.order, best.criterion)
 
 
-def _of_least_criterion(one: FrequencyResponse, refined: bool, orders: Sequence[int]) -> tuple[_Fitted | None, PoleFit]:
+def _of_least_criterion(
+    one: FrequencyResponse, refined: bool, orders: Sequence[int], beyond: bool
+) -> tuple[_Fitted | None, PoleFit]:
     bound = one.bound.outer_radius.reshape(-1)
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
@@ -128,19 +133,26 @@ def _of_least_criterion(one: FrequencyResponse, refined: bool, orders: Sequence[
     for order in orders:
         if order * _A_POLE > bound.size:
             break
-        poles = fit.search(order, np.zeros(1), decades=False)[1][0]
-        if refined:
-            poles, rows = _followed(fit, one, bound, right, poles)
-        else:
-            rows = _rows(fit, poles, bound)
-            if _alone(poles, one, rows, right):
-                continue
-        solved = np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], dtype=float)
-        power = max(float(np.sum((right - rows @ solved) ** 2)), 1e-300)
-        criterion = count * float(np.log(power)) + 2 * rows.shape[1] * float(np.log(count))
-        if best is None or criterion < best.criterion:
-            best = _Fitted(criterion, order, poles, rows, _complex(rows @ solved))
+        for poles in _starts(fit, order, beyond):
+            if refined:
+                poles, rows = _followed(fit, one, bound, right, poles)
+            else:
+                rows = _rows(fit, poles, bound)
+                if _alone(poles, one, rows, right):
+                    continue
+            solved = np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0], dtype=float)
+            power = max(float(np.sum((right - rows @ solved) ** 2)), 1e-300)
+            criterion = count * float(np.log(power)) + 2 * rows.shape[1] * float(np.log(count))
+            if best is None or criterion < best.criterion:
+                best = _Fitted(criterion, order, poles, rows, _complex(rows @ solved))
     return best, fit
+
+
+def _starts(fit: PoleFit, order: int, beyond: bool) -> Iterator[Complex]:
+    """Relocated poles of an order; also two fewer, and a mode beyond the band."""
+    yield fit.search(order, np.zeros(1), decades=False)[1][0]
+    if beyond and order > 2:
+        yield fit.beyond(fit.search(order - 2, np.zeros(1), decades=False)[1][0])
 
 
 def _rows(fit: PoleFit, poles: Complex, bound: Real) -> Real:
@@ -223,6 +235,8 @@ def odd_lines(models: dict[int, WholeModel]) -> list[Odd]:
         beside = np.maximum(np.append(square[1:], 0), np.insert(square[:-1], 0, 0))
         # A bound from few residuals is small by chance at some lines: their errors in units of it are F distributed.
         chance = square / 2 if one.dof is None else unlikely(square / 2, one.dof)
+        # Nor is the scatter of what a bound leaves out, as distortion at a resonance, the same everywhere.
+        chance = np.minimum(chance, unlikely(square / mean_nearby(square, _AROUND), _AROUND))
         odd = np.flatnonzero((chance > limit) & (away > 1) & (beside < _QUIET))
         most = _AS_GOOD + _UNCERTAIN / np.sqrt(one.spare)
         if odd.size <= max(1, _FEW * lines) and one.as_good(float(square[odd].sum()), most):
@@ -304,7 +318,7 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
                 largest = min(values[:upper].max(), values[upper:].max())  # of either part
                 if gained > _price(lines) and np.abs(own - 1) * largest > _PART and not of_resonance(own):
                     factors[k], size = own, max(size, float(np.abs(own - 1) * values[upper - 1 : upper + 1].mean()))
-            if size > 0:
+            if size > 0 and size >= least_step(frf):
                 return Jump(upper, factors, size)
             if upper == peak and not nearly:
                 break
@@ -336,8 +350,8 @@ def _needed(
     """The change from a line on, and by how much models are better without it; its size is that of such a model.
 
     The first size is of a model that follows a part of the change with poles of its own. Without it no more poles are needed, and
-    at least half of them; nor do one or two poles more do as well as the change. Models are of the window that begins at the first
-    line, as the plain one is.
+    at least half of them; nor do one or two poles more, or a mode beyond the band, do as well as the change. Models are of the
+    window that begins at the first line, as the plain one is.
     """
     slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
@@ -351,8 +365,8 @@ def _needed(
         if simpler is None:
             break
         gained = plain.criterion - simpler.criterion
-        if gained > _price(slope.size):  # one or two poles more, between the orders that are tried, may do as well
-            between = _whole(one.select(window), True, [simpler.order + more for more in _MORE])
+        if gained > _price(slope.size):  # one or two poles more, or a mode beyond the band, may do as well
+            between = _whole(one.select(window), True, [simpler.order + more for more in _MORE], beyond=True)
             gained = min(gained, np.inf if between is None else between.criterion - simpler.criterion)
         if gained > most:
             best, most = change, gained

@@ -87,14 +87,15 @@ def test_bounds_of_clean_measurements_stay_as_they_are(plants, seeds):
     assert len(widened) <= WIDENED * len(seeds) * len(plants), widened
 
 
-@pytest.mark.parametrize("dof", [3.0, slow(14.0)])
-def test_chance_adds_nothing(dof):
+@pytest.mark.parametrize(("dof", "shared"), [(3.0, 1.0), slow(14.0, 1.0), (14.0, 0.2)])
+def test_chance_adds_nothing(dof, shared):
+    """Lines farther apart than their windows are wide, too: each says no more than its own."""
     rng = np.random.default_rng(0)
     added = 0
     for _ in range(400):
         difference = (rng.standard_normal((60, 1)) + 1j * rng.standard_normal((60, 1))) / np.sqrt(2)
         own = rng.chisquare(2 * dof, (60, 1)) / (4 * dof)
-        added += bool(np.any(added_variance(difference, own, dof)))
+        added += bool(np.any(added_variance(difference, own, dof, shared=shared)))
     assert added <= 3  # of 400, less than one in the mean
 
 

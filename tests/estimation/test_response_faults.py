@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.data import FaultKind
 from robustid.errors import InputError
+from robustid.estimation.frf import response_alone
+from robustid.estimation.outlying_lines import related
 from robustid.prepare import correct, response_faults
+from support.fault_plants import simulated
 
 HZ = 2 * np.pi
 
@@ -126,6 +130,23 @@ def test_repeated_frequency_points_contradict_each_other():
     assert response_faults(rid.FrequencyResponse(omega, same, bound=4e-3)) == ()
 
 
+def uneven(seed):
+    """Errors up to six times as large at the second mode, as distortion is: 2 to 3 of the bounds there, which do not know it."""
+    frf, rng = response(seed), np.random.default_rng([seed, 1])
+    error = rng.standard_normal(frf.omega.size) + 1j * rng.standard_normal(frf.omega.size)
+    error *= 6e-3 / np.sqrt(2) / (1 + ((frf.omega - 81.6) / 20) ** 2)
+    return changed(frf, slice(None), error[:, None, None])
+
+
+@pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.slow)])
+def test_where_all_lines_scatter_more_none_of_them_is_off(seeds):
+    """Lines of the mirror at its resonance were told so, which other excitations of it do not show."""
+    for seed in range(seeds):
+        assert FaultKind.OUTLIER not in {fault.kind for fault in response_faults(uneven(seed))}
+        found = response_faults(changed(uneven(seed), 72, 0.1))
+        assert FaultKind.OUTLIER in {fault.kind for fault in found}
+
+
 def test_units_do_not_matter():
     for unit in (2.0**-60, 2.0**60):
         frf = changed(response(unit=unit), 120, 0.1 * unit)
@@ -154,6 +175,19 @@ def test_clean_responses_are_told_of_nothing(seeds):
         )
         told += bool(response_faults(frf))
     assert told == 0
+
+
+def test_errors_of_overlapping_windows_are_alike_and_a_clear_jump_in_them_is_named():
+    """They step from one window to the next: only a jump of a bound and more is one."""
+    heater = simulated("heater")
+    frf = response_alone(heater.random)
+    assert related(frf)
+    assert not related(heater.response)
+    assert not related(response())  # without a covariance nobody can tell
+    assert response_faults(frf) == ()
+    values = frf.values.copy()
+    values[frf.omega.size // 2 :] *= 1.3
+    assert FaultKind.SEAM in {fault.kind for fault in response_faults(dataclasses.replace(frf, values=values))}
 
 
 def test_few_lines_and_what_is_missing_say_nothing():
