@@ -129,7 +129,8 @@ def test_wrong_poles_are_moved_back(lines, K, seeds, size):
 @pytest.mark.parametrize("seed", range(5))
 def test_light_pole_is_found_from_twenty_five_half_widths_away(seed):
     factors = np.random.default_rng(seed).choice([0.9, 1.1], 2), one_percent(seed)[:, 1]
-    assert rid.advise.improve_kautz(structure(np.stack(factors, axis=1), FINE, seed), repeat=False).margin <= 1
+    data = rid.datasets.flexible_structure(extra_hz=FINE, seed=seed)
+    assert rid.advise.improve_kautz(structure(np.stack(factors, axis=1), data=data), repeat=False).margin <= 1
 
 
 def test_poles_moved_by_time_data_have_no_box():

@@ -18,6 +18,7 @@ from support.pairwise import every_one
 from support.refusals import refusals
 
 OMEGA = 2 * np.pi * np.logspace(np.log10(4), np.log10(1200), 400)
+FULL = 2 * np.pi * np.logspace(np.log10(4), np.log10(1200), 1000)
 
 
 def case(seed, outputs, inputs, modes, level=0.01, omega=OMEGA):
@@ -32,13 +33,13 @@ def from_truth(truth, values, order, weight, omega=OMEGA):
     return fit_fraction(problem, start=retract(problem, truth, identity(problem), steps=8), method="lm")
 
 
-def fitted(seed, outputs, inputs, modes):
+def fitted(seed, outputs, inputs, modes, omega=OMEGA):
     """(cost over the optimum from the truth, pointwise-relative rms error, fit) from a cold start on 1 % noise."""
-    _, truth, values = case(seed, outputs, inputs, modes)
+    _, truth, values = case(seed, outputs, inputs, modes, omega=omega)
     weight = Weight(100 / np.abs(truth))
-    fit = fit_mfd(rid.FrequencyResponse(OMEGA, values), order=2 * modes, weight=weight)
-    best = from_truth(truth, values, 2 * modes, weight)
-    return fit.cost / best.cost, relative_error(by_control(fit.model, OMEGA), truth), fit
+    fit = fit_mfd(rid.FrequencyResponse(omega, values), order=2 * modes, weight=weight)
+    best = from_truth(truth, values, 2 * modes, weight, omega)
+    return fit.cost / best.cost, relative_error(by_control(fit.model, omega), truth), fit
 
 
 @pytest.mark.parametrize("seed", seeds(1, 3))
@@ -59,8 +60,8 @@ def test_cold_start_reaches_the_optimum_of_the_truth(seed):
     [(4, 20, 19, np.inf, 8e-4, 1.2e-3), (1, 10, 18, 1.02, 2.3e-3, 2.7e-3)],
 )
 def test_noisy_structures_from_a_cold_start(ports, modes, within, worst, median, most):
-    """20 seeds: cost within 1 % of the optimum of the truth in so many; error at most `most` in 19; condition numbers one."""
-    results = [fitted(seed, ports, ports, modes) for seed in range(20)]
+    """1000 lines, 20 seeds: within 1 % of the optimum from the truth in so many; error at most `most` in 19."""
+    results = [fitted(seed, ports, ports, modes, FULL) for seed in range(20)]
     ratios, errors = (np.array([r[k] for r in results]) for k in (0, 1))
     assert np.all(ratios <= worst)
     assert np.sum(ratios <= 1.01) >= within

@@ -180,12 +180,14 @@ def contraction(problem, best):
     return np.abs(np.linalg.eigvals(derivative)).max()
 
 
-@pytest.mark.parametrize(("seeds", "attracting"), [((0, 3), 1), pytest.param(range(5), 3, marks=pytest.mark.slow)])
-def test_it_converges_from_nearby_exactly_where_the_optimum_attracts(seeds, attracting):
-    """2x2, order 12, 1 % noise: 3 seeds of 5 attract, 1 of the 2 that always run; the condition number stays one on all."""
+@pytest.mark.parametrize(
+    ("seeds", "lines", "attracting"), [((0, 3), 100, 1), pytest.param(range(5), 200, 3, marks=pytest.mark.slow)]
+)
+def test_it_converges_from_nearby_exactly_where_the_optimum_attracts(seeds, lines, attracting):
+    """2x2, order 12, 1 % noise: of 200 lines 3 seeds of 5 attract, of 100 one of 2; the condition number stays one on all."""
     attract = []
     for seed in seeds:
-        problem, start = structure(seed, lines=100)
+        problem, start = structure(seed, lines=lines)
         best = fit_fraction(problem, start=start, method="lm", rtol=1e-14).fraction
         basis = problem.basis(best.denominators, best.response)
         one = np.random.default_rng(seed).normal(size=basis.size)

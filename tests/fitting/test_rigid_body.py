@@ -71,10 +71,10 @@ def machine(seed, ny, nu, count, modes, dt=None):
     return Machine(A, B, C, drives, shapes, dt)
 
 
-def fitted(plant, seed, level, count, **settings):
-    truth = plant.response(OMEGA)
+def fitted(plant, seed, level, count, *, omega=OMEGA, **settings):
+    truth = plant.response(omega)
     values = noisy(np.random.default_rng([seed, 1]), truth, level) if level else truth
-    frf = rid.FrequencyResponse(OMEGA, values, dt=plant.dt)
+    frf = rid.FrequencyResponse(omega, values, dt=plant.dt)
     body = settings.pop("rigid_body", RigidBody(count, side=settings.pop("side", "input")))
     settings = {"order": plant.order, "weight": 100 / np.abs(truth), "rigid_body": body} | settings
     return fit_mfd(frf, **settings), truth
@@ -159,15 +159,16 @@ def test_factor_inside(ny, nu, count, modes):
         assert relative_error(fit.fraction.response(OMEGA), truth) <= 3e-3
 
 
-@pytest.mark.parametrize("seeds", [5, slow(12)])
-def test_variance_at_low_frequency_is_lower_than_without(seeds):
-    """2x2, noise realisations: lower error in the lowest 50 lines in all but one, and rms at most two thirds."""
+@pytest.mark.parametrize(("seeds", "lines"), [(5, 130), slow(40, 200)])
+def test_variance_at_low_frequency_is_lower_than_without(seeds, lines):
+    """2x2, noise realisations: lower error in the lowest quarter of the lines in all but one, and rms at most two thirds."""
+    omega, low = 2 * np.pi * np.geomspace(2, 1500, lines), slice(lines // 4)
     plant, pairs = machine(2, 2, 2, 1, 3), []
     for seed in range(seeds):
-        fit, truth = fitted(plant, seed, 0.01, 1)
-        free, _ = fitted(plant, seed, 0.01, 1, rigid_body=None, start=fit.model, stable=False)
+        fit, truth = fitted(plant, seed, 0.01, 1, omega=omega)
+        free, _ = fitted(plant, seed, 0.01, 1, omega=omega, rigid_body=None, start=fit.model, stable=False)
         assert free.cost <= fit.cost * (1 + 1e-9)
-        pairs.append([relative_error(f.fraction.response(OMEGA[:50]), truth[:50]) for f in (fit, free)])
+        pairs.append([relative_error(f.fraction.response(omega[low]), truth[low]) for f in (fit, free)])
     rigid, without = np.array(pairs).T
     assert np.sum(rigid < without) >= seeds - 1
     assert np.linalg.norm(rigid) <= 2 / 3 * np.linalg.norm(without)

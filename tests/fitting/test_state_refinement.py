@@ -9,14 +9,13 @@ import scipy.optimize
 import robustid as rid
 from robustid.core import Budget, response_at
 from robustid.fitting import FitStatus, FractionProblem, Weight, fit_mfd, subspace_estimate
-from robustid.fitting.state_space import state_refinement
+from robustid.fitting.state_space import state_descent, state_refinement
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.given_poles import Samples
 from robustid.fitting.state_space.state_descent import blocks_of
 from robustid.fitting.state_space.state_refinement import Outputs, exchange_modes, refine
 from robustid.fitting.state_space.withheld_points import left_out_cost
 from support.interrupts import ctrl_c_at_call
-from support.measured import realdata
 from support.mfd_systems import noisy, random_modal_system, relative_error, stand_in
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 120)
@@ -254,18 +253,28 @@ def test_a_narrow_mode_of_the_plant_stays():
     np.testing.assert_allclose(hz, experiment.modes[:, 0] / (2 * np.pi), rtol=2e-3)
 
 
-class TestMeasured:
-    pytestmark = realdata
-
-    @pytest.mark.slow
-    @pytest.mark.parametrize("order", [36, 60])
-    def test_modes_that_single_points_decide_do_not_stand_between_them(self, order):
-        """Orders far too large for a short record: narrow modes at single points left 2 to 70 times the data between them."""
-        frf = rid.estimate_frf(rid.datasets.load("cdplayer"), method="local")
-        train, test = frf.select(slice(0, None, 2)), frf.select(slice(1, None, 2))
-        fit = fit_mfd(train, order=order, weight=rid.fits.Weight.relative(train.values))
-        error = np.abs(fit.fraction.response(test.omega) - test.values) / np.abs(test.values)
-        assert np.sqrt(np.mean(error**2)) < 0.8
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [0.1, 0.3])
+def test_modes_that_single_points_decide_do_not_stand_between_them(level, monkeypatch):
+    """Order 36 for 12, modes of the plant as wide as half the spacing, 12 seeds: where wide modes were taken for narrow ones they
+    err less between the points, but for one seed, and by a third in the median."""
+    omega = 2 * np.pi * np.linspace(5, 1000, 120)
+    errors = {"chosen": [], "narrow": []}
+    for kind, found in errors.items():
+        if kind == "narrow":  # no point is said to decide a mode by itself
+            monkeypatch.setattr(state_descent, "left_out_cost", lambda outputs, fitted: 0.0)
+        for seed in range(12):
+            plant = random_modal_system(seed, 2, 2, 6, band_hz=(100.0, 1000.0), damping=(0.05, 0.15))
+            truth = plant.response(1j * omega)
+            values = noisy(np.random.default_rng([seed, 5]), truth, level)[::2]
+            fit = fit_mfd(rid.FrequencyResponse(omega[::2], values), order=36, weight=Weight.relative(values))
+            error = np.abs(fit.fraction.response(omega[1::2]) - truth[1::2]) / np.abs(truth[1::2])
+            found.append(np.sqrt(np.mean(error**2)))
+    ratio = np.divide(errors["chosen"], errors["narrow"])
+    acted = ratio[ratio != 1]
+    assert acted.size >= 6
+    assert np.sum(acted > 1) <= 1, acted
+    assert np.median(acted) <= 2 / 3
 
 
 def test_steps_that_held_poles_make_long_get_shorter_until_they_end(monkeypatch):

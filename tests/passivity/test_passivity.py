@@ -234,7 +234,9 @@ def test_next_to_the_limit_at_all_frequencies(ports, networks):
         assert proof.certificate.verify(model)
         rest = proof.certificate.P_rest
         assert rest is not None
-        assert np.abs(rest).max() < 1e-9
+        # A rounding of A moves P by so much where a mode decays slowly, and the rest is no more than such roundings.
+        sensitivity = np.linalg.norm(model.A, 2) * np.linalg.norm(proof.certificate.P, 2) / -model.poles().real.max()
+        assert np.abs(rest).max() <= np.finfo(float).eps * sensitivity
         # One matrix does where its rounding happens to be small, which depends on the processor.
         alone += dataclasses.replace(proof.certificate, P_rest=None).verify(model)
         assert not dataclasses.replace(proof.certificate, P_rest=1e3 * rest).verify(model)
