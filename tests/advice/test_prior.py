@@ -338,6 +338,19 @@ def test_the_fewest_points_are_left_out_with_which_some_form_takes_a_class_that_
     assert computable_step(problem.with_prior(gain_bound=2.0, rate=1e4)) == 1
 
 
+def test_of_a_matrix_that_takes_too_long_as_many_points_are_left_as_there_is_time_for():
+    frf = rid.FrequencyResponse(np.linspace(0.001, 3.1, 4000), np.ones((4000, 2, 1)), bound=0.1, dt=1.0)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1e6, decay_rate=1.03))
+    assert computable_step(problem) == computable_step(problem, seconds=1e4) == 1
+    steps = [computable_step(problem, seconds=seconds) for seconds in (15.0, 5.0, 0.1)]
+    assert 1 < steps[0] < steps[1] <= steps[2]
+    few = dataclasses.replace(problem, frequency=frf.select(slice(None, None, steps[0])))
+    assert not formulate(few).is_late(15.0, 15)
+    assert formulate(problem).is_late(15.0)
+    single = dataclasses.replace(problem, frequency=frf.entry(0, 0), prior=problem.prior)
+    assert computable_step(single, seconds=0.1) == 1
+
+
 def test_a_search_for_a_useful_class_tries_only_decay_rates_that_all_points_can_be_posed_with():
     rng = np.random.default_rng(0)
     values = rng.standard_normal((300, 3, 3)) + 1j * rng.standard_normal((300, 3, 3))
