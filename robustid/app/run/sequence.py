@@ -48,6 +48,7 @@ _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 _SUMS = 0.2  # of the time that is left when a step begins, as those of the next line
 _BAND, _ORDER, _FITS, _CAUSES = 0.3, 0.3, 0.2, 0.5
+_ORDER_LAST = 0.5  # of the time that is left, where nothing was decided: no band and no causes come after
 _LIMITING = 0.5  # of the time that is left: the loop itself comes after
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
@@ -196,7 +197,8 @@ def reduced(work: Work) -> None:
     """The smallest model inside the bounds."""
     asked, words = work.run.small_model, "searching for the smallest order"
     body = None if asked.rigid_body is None else RigidBody(asked.rigid_body)
-    with work.around.step(words, _ORDER, asked.time_limit) as limit:
+    more = work.identification.status in (Status.CONSISTENT, Status.INCONSISTENT)
+    with work.around.step(words, _ORDER if more else _ORDER_LAST, asked.time_limit) as limit:
         told = work.around.progress(words)
         how: Record = {"rigid_body": body, "band": work.band, "time_limit": limit, "progress": told}
         work.reduction = reduce_within_bounds(work.identification, **how)
