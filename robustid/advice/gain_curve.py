@@ -172,6 +172,23 @@ def default_rates(problem: MixedProblem) -> Real:
     return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
 
 
+def slower_rates(problem: MixedProblem, slowest: float) -> Real:
+    """Decay rates below the slowest default one, down to what the distance of all points allows, rising; none where there are few.
+
+    The default ones are for as many points as stand for all.
+    """
+    if not problem.frequency:
+        return np.zeros(0)
+    top = float(problem.angles[-1]) if problem.dt else max(float(f.omega.max()) for f in problem.frequency)
+    least = 1.0 if problem.dt else 0.0
+    halvings = max(int(np.log2((slowest - least) * problem.angles.size / (_APART * top))), 0)
+    rates = np.asarray(least + (slowest - least) * 0.5 ** np.arange(halvings, 0, -1), dtype=float)
+    try:
+        return possible(problem, rates) if halvings else rates
+    except SizeError:
+        return rates[:0]
+
+
 def computable_step(
     problem: MixedProblem, *, form: str = "auto", accuracy: float = 1e-4, seconds: float | None = None
 ) -> int:
