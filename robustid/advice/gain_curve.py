@@ -22,6 +22,7 @@ T = TypeVar("T")
 SAFETY = 2.0  # recommended gain bound over the smallest one
 FEW = 40  # frequency points (over the root of the entries) that stand for more of them
 _FEWEST = 10  # frequency points of a response that are left where not all can be computed with
+_NEWTON_STEPS = 15  # whose time a decision and a model take: 6 to 17 were measured, most where the margin is near 1
 _RATES = 9
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
@@ -171,13 +172,40 @@ def default_rates(problem: MixedProblem) -> Real:
     return 1 + np.asarray(np.geomspace(low, high, _RATES), dtype=float)
 
 
-def computable_step(problem: MixedProblem, *, form: str = "auto", accuracy: float = 1e-4) -> int:
+def slower_rates(problem: MixedProblem, slowest: float) -> Real:
+    """Decay rates below the slowest default one, down to what the distance of all points allows, rising; none where there are few.
+
+    The default ones are for as many points as stand for all.
+    """
+    if not problem.frequency:
+        return np.zeros(0)
+    top = float(problem.angles[-1]) if problem.dt else max(float(f.omega.max()) for f in problem.frequency)
+    least = 1.0 if problem.dt else 0.0
+    halvings = max(int(np.log2((slowest - least) * problem.angles.size / (_APART * top))), 0)
+    rates = np.asarray(least + (slowest - least) * 0.5 ** np.arange(halvings, 0, -1), dtype=float)
+    try:
+        return possible(problem, rates) if halvings else rates
+    except SizeError:
+        return rates[:0]
+
+
+def computable_step(
+    problem: MixedProblem, *, form: str = "auto", accuracy: float = 1e-4, seconds: float | None = None
+) -> int:
     """The least step between frequency points that leaves a problem that is not too large; 1 where it would leave too few.
 
-    Points over decades in a class that decays slowly need a coefficient for every number that was measured.
+    Points over decades in a class that decays slowly need a coefficient for every number that was measured. Of a matrix of which
+    one step takes longer than `seconds`, so many are left as can be decided in them.
     """
+
+    def posed(part: MixedProblem) -> None:
+        formulation = formulate(part, form, accuracy)
+        formulation.check_memory()
+        if formulation.is_late(seconds, 1 if part is problem else _NEWTON_STEPS):
+            raise SizeError("`problem` takes longer than there is time")
+
     try:
-        return _of_fewest(problem, lambda part: formulate(part, form, accuracy))[0]
+        return _of_fewest(problem, posed)[0]
     except SizeError:
         return 1
 

@@ -9,7 +9,16 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.advice.gain_curve import FEW, SAFETY, GainCurve, default_rates, lighter, possible, smallest_gains
+from robustid.advice.gain_curve import (
+    FEW,
+    SAFETY,
+    GainCurve,
+    default_rates,
+    lighter,
+    possible,
+    slower_rates,
+    smallest_gains,
+)
 from robustid.advice.kept_gains import KeptGains
 from robustid.advice.sensitivity import default_points, guaranteed
 from robustid.advice.smallest_gain import (
@@ -124,7 +133,8 @@ def suggest_prior(
     decay_rates : (R,) array, optional
         The rho to try, all > 1; of continuous data the decays in 1/s. Default: 9 values, rho - 1 in equal ratios from twice the
         mean distance of (at most 40) frequency points in rad, or one over the number of time samples, to half the highest frequency
-        point in rad, 0.3 at the most; of continuous data likewise, in rad/s. A slower decay lets the non-parametric part do
+        point in rad, 0.3 at the most; of continuous data likewise, in rad/s. Where no K holds the data at any of them, slower ones,
+        each half of the one before, down to twice the mean distance of all points. A slower decay lets the non-parametric part do
         anything between the points, and every data set is consistent; one that decays faster is next to a constant, a stronger
         assumption than a default should make.
     criterion : {"slope", "error"}
@@ -180,7 +190,10 @@ def suggest_prior(
     least = 1 if problem.dt else 0
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
-    return _search(problem, rates, criterion, Budget(time_limit, progress, "looking for a prior"))
+    budget = Budget(time_limit, progress, "looking for a prior")
+    if rates is not None:
+        return _search(problem, rates, criterion, budget)
+    return _or_slower(problem, _search(problem, None, criterion, budget), criterion, budget)
 
 
 @one_thread()
@@ -199,8 +212,27 @@ def useful_prior(
         rates = possible(problem, default_rates(problem))
     except SizeError:  # with a smaller gain bound it may not be too large
         rates = None
-    budget = Budget(time_limit, progress, "looking for a prior")
-    return _search(problem, rates, "slope", budget, response_sizes(problem)[0], kept)
+    budget, largest = Budget(time_limit, progress, "looking for a prior"), response_sizes(problem)[0]
+    found = _search(problem, rates, "slope", budget, largest, kept)
+    return _or_slower(problem, found, "slope", budget, largest, kept)
+
+
+def _or_slower(
+    problem: MixedProblem,
+    found: PriorSuggestion,
+    criterion: str,
+    budget: Budget,
+    most: float = np.inf,
+    kept: KeptGains | None = None,
+) -> PriorSuggestion:
+    """The suggestion, or where no class holds the data one that decays more slowly: what no mode stands for may do so too."""
+    if found.prior is not None or not found.complete or budget.over:
+        return found
+    slower = slower_rates(problem, float(found.decay_rates[0]))
+    if not slower.size:
+        return found
+    other = _search(problem, slower, criterion, budget, most, kept)
+    return found if other.prior is None else other
 
 
 def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, as_float, as_positive, as_signals, freeze, hz_span
+from robustid.core import as_array, as_flag, as_float, as_positive, as_signals, freeze, hz_span
 from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
@@ -62,6 +62,9 @@ class FrequencyResponse(ResponseParts, Drawable):
         stochastic nonlinear distortion.
     faults : sequence of Fault
         Of the records that it was estimated from (`record_faults`).
+    judged : bool
+        True of one of so many points: its faults are those of all of them, which it brings. Points too far apart for what lies
+        between them look like faults.
     modes : sequence of four numbers
         Light modes that its record shows (1x1): ends of the natural frequency in rad/s and of the damping ratio of each.
 
@@ -93,6 +96,7 @@ class FrequencyResponse(ResponseParts, Drawable):
     noise: Any = None
     distortion: Any = None
     faults: tuple[Fault, ...] = ()
+    judged: bool = False
     modes: tuple[tuple[float, float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
@@ -126,6 +130,7 @@ class FrequencyResponse(ResponseParts, Drawable):
             outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
             faults=as_faults("faults", self.faults),
+            judged=as_flag("judged", self.judged),
             modes=as_modes("modes", self.modes),
             dof=None if self.dof is None else as_positive("dof", self.dof),
             **{name: None if level is None else freeze(level[order]) for name, level in levels.items()},

@@ -57,7 +57,7 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     Returns
     -------
     tuple of Fault
-        Empty where nothing is wrong, or fewer than 16 frequency points say nothing.
+        Empty where nothing is wrong, fewer than 16 frequency points say nothing, or the response was `judged` before.
 
     Raises
     ------
@@ -77,6 +77,8 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
     ('the phase has the wrong sign (the response is conjugated)', 'conjugate')
     """
     frf = as_frequency_response("frf", frf)
+    if frf.judged:
+        return ()
     if (known := _FOUND.get(frf)) is None:
         known = _FOUND[frf] = _found(frf)
     return known

@@ -284,9 +284,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     @property
     def bounded(self) -> NDArray[np.bool_]:
         """Mask of the frequencies `omega` at which something is said, (F,)."""
-        inside = [(low <= self.omega) & (self.omega <= high) for low, high in self.open_ranges]
-        open_there = np.any([np.zeros(self.omega.size, bool), *inside], axis=0)
-        return np.isfinite(self.sigma_upper) & (~open_there | self.narrowed)
+        return np.isfinite(self.sigma_upper) & (~self.is_open(self.omega) | self.narrowed)
 
     @functools.cached_property
     def narrowed(self) -> NDArray[np.bool_]:
@@ -346,13 +344,19 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             return ""
         rest = "the discs of the others are proved, and wider than they need be"
         if without:
-            rest += f"; for {without} of them there was no time at all, and only the class bounds them"
+            held = "only the class bounds them" if self.problem.parametric is None else "nothing bounds their modes"
+            rest += f"; for {without} of them there was no time at all, and {held}"
         return f"The search was ended early: {done} of {count} entries are finished; {rest}."
+
+    @property
+    def searched(self) -> bool:
+        """Return whether the search had time for every entry."""
+        return all(one.searched for one in self.bands)
 
     @property
     def why_nothing(self) -> str:
         """Words on why nothing is proved at any frequency, where it is so."""
-        if all(one.searched for one in self.bands):
+        if self.searched:
             return "the data do not tell the amplitudes of the modes apart"
         return "the search was ended before every entry had its turn"
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robustid.core import Complex, Frozen, Real, freeze
+from robustid.core import Complex, Frozen, Real, freeze, hz_span, hz_words
 from robustid.data import FrequencyResponse
+from robustid.errors import InputError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.curvature import Curvature, curvature_of
 from robustid.guarantees.linear.error_sets import ErrorSets
@@ -98,7 +99,14 @@ class CircleBound(Frozen):
 
 
 def joined(circle: CircleBound) -> tuple[Real, Real]:
-    """Edges and bounds of fewer arcs: neighbours whose bounds differ by little make one, with the largest of them."""
+    """Edges and bounds of fewer arcs: neighbours whose bounds differ by little make one, with the largest of them.
+
+    InputError, with the frequencies, where an arc has no bound.
+    """
+    if (open_arcs := np.flatnonzero(~np.isfinite(circle.bound))).size:
+        low, high = circle.edges[[open_arcs[0], open_arcs[-1] + 1]] / (2 * np.pi)
+        where = f"from {hz_span(low, high)}" if np.isfinite(high) else f"above {hz_words(low)}"
+        raise InputError(f"the error has no bound {where}, so that no weight exceeds it")
     starts, low, high = [0], circle.bound[0], circle.bound[0]
     for k, bound in enumerate(circle.bound.tolist()):
         low, high = min(low, bound), max(high, bound)

@@ -52,10 +52,7 @@ def glance(
     reduction, band, withheld = parts.get("reduction"), parts.get("band"), parts.get("withheld")
     if (looped := parts.get("loop")) is not None and not (withheld is not None and withheld.contradicted):
         return loop_glance(identification, looped, parts)
-    worst_case, over_poles = parts.get("worst_case"), parts.get("over_poles")
-    bound = over_poles if over_poles is not None and np.isfinite(over_poles.sigma_upper).any() else worst_case
-    if band is not None and band.bounded.any():
-        bound = band
+    worst_case, bound = parts.get("worst_case"), _shown_bound(parts)
     contradicted = withheld is not None and withheld.contradicted
     words = ""
     if bound is not None and not contradicted:
@@ -80,6 +77,21 @@ def glance(
         ),
         not_covered="" if bound is None or contradicted else _not_covered(identification, bound),
     )
+
+
+def _shown_bound(parts: Parts) -> Bounded | Band | None:
+    """The bound of the error that the first screen is about; None where none says anything."""
+    band, over_poles = parts.get("band"), parts.get("over_poles")
+    if band is not None and band.bounded.any():
+        return band
+    if over_poles is not None and np.isfinite(over_poles.sigma_upper).any():
+        return over_poles
+    return parts.get("worst_case")
+
+
+def proves_nothing(parts: Parts) -> bool:
+    """Return whether a band is there that bounds the error at no frequency, and nothing else that does."""
+    return parts.get("band") is not None and parts.get("loop") is None and _shown_bound(parts) is None
 
 
 def _not_covered(identification: Identification, bound: Bounded | Band) -> str:
@@ -139,7 +151,7 @@ def _but(bound: Bounded | Band) -> str:
 def _chart(identification: Identification, parts: Parts) -> Chart:
     """The magnitude with its guaranteed range; of a matrix the singular values; of records alone the first of them."""
     models, single = further_models(parts.get("reduction"), parts.get("models")), siso(identification)
-    if (band := parts.get("band")) is not None:
+    if (band := parts.get("band")) is not None and band.bounded.any():
         whole = band_chart(identification, band)
     elif (error := parts.get("worst_case")) is not None:
         whole = worst_case_charts(error)[0] if single else worst_case_sigma_chart(error)
@@ -174,6 +186,12 @@ def _next(
         if band.open_ranges:
             narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."
         return [_check(f"band.{_STABLE}", design), Text(narrower)]
+    if error is None and band is not None and band.searched:
+        return [
+            Text(
+                "Measure frequency points around the modes: their amplitudes are not told apart, and no error is proved."
+            )
+        ]
     if error is None or not error.omega.size:
         return [Text(f"Bound the error of the model: {bounding}", code=(bounding,))]
     at, *_, sample = error.worst(1)[0]

@@ -30,7 +30,7 @@ from robustid.report.document import (
     checks_table,
     unfinished_notice,
 )
-from robustid.report.first_screen import glance
+from robustid.report.first_screen import glance, proves_nothing
 from robustid.report.frequency import frequency_section
 from robustid.report.guarantee import guarantee_section
 from robustid.report.identified import Parts, further_models, scope, siso, unit
@@ -165,7 +165,7 @@ def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:
     The others follow.
     """
     withheld, content, worth = parts.get("withheld"), parts.get("content"), parts.get("worth")
-    own = identification_verdict(identification, parts.get("reduction"))
+    own = identification_verdict(identification, parts.get("reduction"), nothing=proves_nothing(parts))
     others = [withheld_verdict(withheld)] if withheld is not None else []
     said = [content_verdict(content)] if content is not None and content.on.size else []
     model = [worth_verdict(worth)] if worth is not None else []
@@ -226,10 +226,18 @@ def _warnings(identification: Identification, alone: bool = True) -> list[Text]:
     return about + [Text(f"{sentence}.", "warning", head="Warning") for sentence in own]
 
 
-def identification_verdict(identification: Identification, reduction: Reduction | None = None) -> Verdict:
-    """The verdict in plain words; a model that failed its verification is never called consistent."""
+def identification_verdict(
+    identification: Identification, reduction: Reduction | None = None, *, nothing: bool = False
+) -> Verdict:
+    """The verdict in plain words; a model that failed its verification is never called consistent.
+
+    `nothing` says that a proof of its error was tried, and that there is none at any frequency.
+    """
     order = f"{identification.order}" + (f" → {reduction.order}" if reduction is not None else "")
-    return Verdict(*_said(identification), (("margin", margin_interval(identification)), ("order", order)))
+    key, word, sentence = _said(identification)
+    if nothing and key == "consistent":
+        key, word = "weak", f"{word}, but no error is proved"
+    return Verdict(key, word, sentence, (("margin", margin_interval(identification)), ("order", order)))
 
 
 def refuted(identification: Identification) -> bool:

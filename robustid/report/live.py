@@ -66,7 +66,7 @@ def look_figure(
     """
     name, omega, values = "response as the other samples prove it", check.omega, check.centre
     if band is not None:
-        name, (omega, values, *_) = "centre of the proved band", drawn_band(band)
+        name, (omega, values, *_) = "centre of the band", drawn_band(band)
     above = omega > 0  # a logarithmic axis has no 0
     curve = Curve(name, values[above], NOMINAL if band is not None else ALERT, "dot")
     panels = entry_chart(check, (0, 0), omega[above], [curve], shown_band(check)).panels
@@ -86,7 +86,7 @@ def _figure(
     kept: Band | None,
 ) -> Drawn:
     """Panels with the points that are not used and the band of a choice that was kept, as plotly draws them."""
-    if kept is not None:
+    if kept is not None and kept.bounded.any():
         panels = _with_kept(kept, *panels)
     under, over = _points(withheld, _WITHHELD, "circle", 0.6), _points(left_out, LEFT_OUT, "x", 1.4, choice=True)
     first = replace(panels[0], layers=(*under, *panels[0].layers, *over))
@@ -108,7 +108,8 @@ def live_words(
     identification: Identification, error: WorstCaseError | None = None, band: Band | None = None
 ) -> tuple[str, str, str]:
     """Key of the verdict, the verdict with its margin, and what is guaranteed or what contradicts the class."""
-    said = identification_verdict(identification)
+    nothing = error is None and band is not None and not band.bounded.any()
+    said = identification_verdict(identification, nothing=nothing)
     words = f"{said.word}, margin {margin_interval(identification)} (proved). {said.sentence}"
     for before in problem_verdict(identification.problem):
         words = f"{before.words}. {words}"

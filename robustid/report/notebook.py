@@ -39,11 +39,8 @@ def _head(result: object) -> Document | None:
         return _identified(result.identification, worst_case=result)
     if isinstance(result, WorstCaseOverPoles):
         return _identified(result.identification, over_poles=result)
-    identification = getattr(result, "identification", None)
-    if isinstance(identification, Identification) and hasattr(result, "reduction"):
-        reduction, error = getattr(result, "reduction"), getattr(result, "error", None)  # noqa: B009 - any result of a run
-        left_out = getattr(result, "unfinished", None)
-        return _identified(identification, reduction=reduction, worst_case=error, unfinished=left_out)
+    if callable(own := getattr(result, "first_screen", None)) and isinstance(found := own(), Document):  # of any run
+        return found
     if isinstance(result, MatrixFraction):
         said = verdict(result)
         found = _first_screen(said, Glance(said.numbers))

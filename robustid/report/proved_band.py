@@ -20,8 +20,7 @@ from robustid.report.identified import Posed, about, error_label, in_unit, model
 from robustid.report.magnitude_phase import behind, error_panel
 from robustid.report.words import HZ, at_hz, at_most, in_hz
 
-_TINY = np.finfo(float).tiny
-_ENDLESS, _TALL = 1e6, 30.0  # times the largest response: where a range without end is drawn, and where the axis ends
+_TALL = 30.0  # times the largest response: where the axis ends
 
 
 def proved_band_section(
@@ -33,9 +32,13 @@ def proved_band_section(
     """
     check_band(identification, band)
     words = stands_on(band, error)
+    said = Text(f"{about(identification)}{band_sentence(identification, band)}", id="band-sentence")
+    if not band.bounded.any():
+        left_out = [Text(band.unfinished, id="band-unfinished")] if band.unfinished else []
+        return [Heading("What is guaranteed at every frequency: nothing"), said, *left_out]
     return [
         Heading("What is guaranteed at every frequency", guarantee=True),
-        Text(f"{about(identification)}{band_sentence(identification, band)}", id="band-sentence"),
+        said,
         *([Text(words, id="band-stands-on")] if words else []),
         *([Text(band.unfinished, id="band-unfinished")] if band.unfinished else []),
         band_verdict(band, holds),
@@ -63,7 +66,8 @@ def poles_words(band: Band) -> str:
     if band.box is None:
         return "with the poles exactly as they stand in the class"
     count, all_modes = in_box(band.box), len(band.box[0])
-    words = f"with the pole{'s' * (count > 1)} of {count} mode{'s' * (count > 1)} anywhere in their uncertainty box"
+    poles, their = ("pole of 1 mode", "its") if count == 1 else (f"poles of {count} modes", "their")
+    words = f"with the {poles} anywhere in {their} uncertainty box"
     return words if count == all_modes else f"{words}, of {all_modes - count} exactly as stated"
 
 
@@ -145,14 +149,16 @@ def band_chart(identification: Identification, band: Band) -> Chart:
     y = curve.y[np.isin(curve.x, x)]
     sums = dataclasses.replace(band, polygons=None)  # at the frequencies of the curves; polygons stand at their own
     middle, half = _sizes(*band.at(x * HZ))
+    nothing = band.is_open(x * HZ)
+    half = np.where(nothing, np.nan, half)  # a gap
     ends = np.maximum(middle - half, bottom), np.maximum(middle + half, bottom)
-    ends = ends[0], np.minimum(ends[1], _ENDLESS * max(float(y.max(initial=0.0)), _TINY))
-    area = Layer("proved range, at every frequency", x, y, BAND, low=ends[0], high=ends[1], fill=True)
+    where = f"but from {band.open_words}" if nothing.any() else "at every frequency"
+    area = Layer(f"proved range, {where}", x, y, BAND, low=ends[0], high=ends[1], fill=True)
     top = (panel.y.range or (0.0, 1.0))[1]
     known = (middle + half)[np.isfinite(half) & ~np.isin(x, x[half > np.abs(y).max(initial=0.0)])]
     span = bottom, max(top, min(1.2 * float(known.max(initial=0.0)), _TALL * top))
     error = norm_of_bounds(sums.error_at(x * HZ))
-    error = np.where(np.isfinite(error), error, np.nan)
+    error = np.where(nothing, np.nan, error)
     hover = at_hz(x, "at most {}", error)
     line = Layer("proved error", x, error, ALERT, dash="solid", hover=hover)
     bars, dots = _refined(band, bottom)
@@ -173,7 +179,12 @@ def drawn_band(band: Band, entry: tuple[int, int] = (0, 0)) -> tuple[np.ndarray,
 
 
 def with_band(band: Band, panels: Sequence[Panel], entry: tuple[int, int] = (0, 0)) -> tuple[Panel, ...]:
-    """Magnitude, phase, and perhaps errors, with the proved band behind them, and the proved error of its model, or the radius."""
+    """Magnitude, phase, and perhaps errors, with the proved band behind them, and the proved error of its model, or the radius.
+
+    As they are where nothing is proved.
+    """
+    if not band.bounded.any():
+        return tuple(panels)
     magnitude, phase, *rest = panels
     below = rest[0] if rest else None
     left, right = magnitude.x.range or (0.0, np.inf)
@@ -214,7 +225,7 @@ def centre_chart(band: Band) -> Chart:
     found: list[Chart] = []
     for entry in np.ndindex(outputs, inputs):
         omega, centre, *_ = drawn_band(band, entry)
-        name = "centre of the proved band"
+        name = "centre of the band"
         if band.model is not None:
             name, centre = (f"model, order {band.order}", band.problem.plane.values_at(band.model, omega)[:, *entry])
         above = omega > 0  # a logarithmic axis has no 0

@@ -338,6 +338,19 @@ def test_the_fewest_points_are_left_out_with_which_some_form_takes_a_class_that_
     assert computable_step(problem.with_prior(gain_bound=2.0, rate=1e4)) == 1
 
 
+def test_of_a_matrix_that_takes_too_long_as_many_points_are_left_as_there_is_time_for():
+    frf = rid.FrequencyResponse(np.linspace(0.001, 3.1, 4000), np.ones((4000, 2, 1)), bound=0.1, dt=1.0)
+    problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1e6, decay_rate=1.03))
+    assert computable_step(problem) == computable_step(problem, seconds=1e4) == 1
+    steps = [computable_step(problem, seconds=seconds) for seconds in (15.0, 5.0, 0.1)]
+    assert 1 < steps[0] < steps[1] <= steps[2]
+    few = dataclasses.replace(problem, frequency=frf.select(slice(None, None, steps[0])))
+    assert not formulate(few).is_late(15.0, 15)
+    assert formulate(problem).is_late(15.0)
+    single = dataclasses.replace(problem, frequency=frf.entry(0, 0), prior=problem.prior)
+    assert computable_step(single, seconds=0.1) == 1
+
+
 def test_a_search_for_a_useful_class_tries_only_decay_rates_that_all_points_can_be_posed_with():
     rng = np.random.default_rng(0)
     values = rng.standard_normal((300, 3, 3)) + 1j * rng.standard_normal((300, 3, 3))
@@ -347,3 +360,32 @@ def test_a_search_for_a_useful_class_tries_only_decay_rates_that_all_points_can_
     assert rates[0] > gain_curve.default_rates(problem)[0]
     assert useful_prior(problem, time_limit=1e-9).decay_rates[0] == rates[0]
     assert suggest_prior(problem, time_limit=1e-9).decay_rates[0] < rates[0]
+
+
+def three_modes(count=90):
+    """Of three modes of a plant one is known: what the others leave decays at 3/s, which 40 points over 100 rad/s do not tell."""
+    omega = np.geomspace(2.0, 100.0, count)
+    values = sum(1 / (w**2 - omega**2 + 6j * omega) for w in (12.0, 20.0, 40.0))
+    frf = rid.FrequencyResponse(omega, values, bound=0.03 * np.abs(values))
+    known = rid.kautz([20.0], [0.15], dt=None)
+    return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay=1.0), parametric=known)
+
+
+def test_slower_rates_are_those_that_the_distance_of_all_points_allows():
+    for count in (40, 79, 90, 240):
+        slowest = float(gain_curve.default_rates(three_modes(count))[0])
+        rates = gain_curve.slower_rates(three_modes(count), slowest)
+        assert slowest == 2 * 100.0 / 40
+        np.testing.assert_allclose(rates, [slowest / 2**k for k in (2, 1) if slowest / 2**k >= 2 * 100.0 / count])
+    record = rid.TimeRecord(np.ones(9), np.ones(9), dt=0.1, bound=0.1)
+    assert not gain_curve.slower_rates(rid.MixedProblem(time=record, prior=ANY), 1.1).size
+
+
+@pytest.mark.slow
+def test_where_no_class_of_the_default_rates_holds_the_points_slower_ones_are_tried():
+    problem = three_modes()
+    default = gain_curve.default_rates(problem)
+    assert np.isinf(suggest_prior(problem, decay_rates=default).gains[0])
+    found = suggest_prior(problem)
+    assert found.prior.decay == default[0] / 2
+    assert rid.identify(dataclasses.replace(problem, prior=found.prior)).consistent

@@ -14,6 +14,9 @@ from robustid.advice import kept_gains
 from robustid.advice.smallest_gain import smallest_gain
 from robustid.app.cli import screen
 from robustid.app.run import sequence
+from robustid.app.run.run_file import RunFile
+from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.work import Work
 from robustid.core import Budget, Interruptible, Stops, Unfinished
 from support.command_line import CLASS, COMMAND
 from support.interrupts import ctrl_c, ctrl_c_when
@@ -252,3 +255,19 @@ def test_only_searches_that_came_to_their_end_are_kept(tmp_path, monkeypatch):
     assert kept_gains.KeptGains(path).gain(*asked, over) == 2.0
     path.write_text("{", encoding="utf-8")
     assert kept_gains.KeptGains(path).gain(*asked, Budget()) == 1.0
+
+
+def test_where_nothing_is_decided_half_of_the_time_is_for_the_small_model(consistent, monkeypatch):
+    """Neither a band nor causes come after it, which a decision has."""
+    limits = []
+    small = rid.balanced_truncation(consistent.model, order=4)
+    monkeypatch.setattr(
+        sequence, "reduce_within_bounds", lambda found, **how: limits.append(how["time_limit"]) or small
+    )
+    claim = dataclasses.replace(
+        consistent.claim, margin=1.1, certificate=dataclasses.replace(consistent.claim.certificate, value=0.9)
+    )
+    for found in (consistent, dataclasses.replace(consistent, claim=claim)):
+        around = Surroundings(budget=Budget(100.0))
+        sequence.reduced(Work(run=RunFile(), identification=found, around=around))
+    assert limits == pytest.approx([30.0, 50.0], rel=0.02)

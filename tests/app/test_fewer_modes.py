@@ -1,5 +1,7 @@
 """Modes that a run chooses never end it: those that the data cannot tell apart are left out, the least important first."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,9 @@ from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of
 from robustid.app.run.posing import posed
 from robustid.app.run.run_file import read_run_file
-from robustid.app.run.run_folder import Surroundings
+from robustid.app.run.run_folder import RunFolder, Surroundings
 from robustid.app.run.settings import Modes
+from robustid.core import Budget
 from robustid.identification import any_prior
 from support.cases import seeds
 
@@ -117,3 +120,78 @@ def test_more_points_than_any_form_takes_never_end_a_run_that_chooses_its_class(
     np.testing.assert_array_equal(np.sort([*omega[::4], *left.points[0].omega]), omega)
     assert problem.prior == run.prior.stated(DT)
     assert rid.identify(problem).margin < np.inf
+
+
+def two_outputs(count=24, **how):
+    omega = np.linspace(20.0, 300.0, count)
+    values = 1e4 / (100.0**2 - omega**2 + 2j * omega)
+    return rid.FrequencyResponse(omega, np.stack([values, 2 * values], 1)[:, :, None], dt=DT, **how)
+
+
+def in_a_second(data, monkeypatch, **sections):
+    """What is posed of data of which a quarter is all that there is time for."""
+    monkeypatch.setattr(
+        "robustid.app.run.posing.computable_step", lambda problem, seconds=None, **_: 1 if seconds is None else 4
+    )
+    around = Surroundings(budget=Budget(60.0))
+    stated = {"modes": {"hz": [100 / (2 * np.pi)], "damping": [0.01], "delay": 0}} | sections
+    return *posed(read_run_file(stated, "a test", sources=False), data, around, reference=False), around
+
+
+def test_a_matrix_is_decided_at_as_many_points_as_there_is_time_for(monkeypatch):
+    """That is said first, the class stays, and the others are tests; faults are those of all points."""
+    frf = two_outputs(bound=0.05)
+    run, problem, left, around = in_a_second(Measured((frf,), ()), monkeypatch)
+    assert run.frequency_points.every == 4
+    assert "all of them take longer than the time limit leaves" in run.prior.note
+    assert "one of 4 is used, the others test the result" in around.unfinished.sentence
+    np.testing.assert_array_equal(problem.frequency[0].omega, frf.omega[::4])
+    np.testing.assert_array_equal(np.sort([*frf.omega[::4], *left.points[0].omega]), frf.omega)
+    assert run.prior.is_from_data
+    assert problem.prior == run.prior.stated(DT)
+    assert problem.frequency[0].judged
+
+
+def test_where_no_class_holds_all_points_one_is_chosen_for_those_that_there_is_time_for(monkeypatch):
+    """Every fourth point is that of the plant, and between them each is wrong by ten times its bound, this way and that."""
+    frf = two_outputs(97)
+    off = np.where(np.arange(97) % 4, 10.0, 0.0) * np.where(np.arange(97) % 8 > 4, 1, -1)
+    wrong = dataclasses.replace(frf, values=frf.values + 0.05 * off[:, None, None], bound=0.05)
+    run, problem, left, around = in_a_second(Measured((wrong,), ()), monkeypatch)
+    assert run.frequency_points.every == 4
+    assert run.prior.is_from_data
+    assert rid.identify(problem).consistent
+    assert left.points[0].omega.size == 72
+    assert "one of 4 is used" in around.unfinished.sentence
+
+
+def test_no_points_are_left_out_of_a_class_that_was_not_looked_for_to_the_end(monkeypatch):
+    run, _, _, _ = in_a_second(
+        Measured((two_outputs(bound=0.05),), ()), monkeypatch, prior={"gain_bound": 5.0, "decay_rate": 1.1}
+    )
+    assert run.frequency_points.every == 1
+    monkeypatch.setattr("robustid.app.run.run_folder._NO_TIME", 1e-9)
+    monkeypatch.setattr("robustid.app.run.class_choice._PRIOR", 1e-9)
+    run, _, _, _ = in_a_second(Measured((two_outputs(bound=0.05),), ()), monkeypatch)
+    assert run.prior.source == "stopped"
+    assert run.frequency_points.every == 1
+
+
+def test_a_run_of_fewer_points_is_gone_on_with(tmp_path, monkeypatch):
+    """It asked for all of them: with more time it takes them."""
+    asked = read_run_file(
+        {"frequency": [{"file": "response.npz"}], "modes": {"hz": [15.9], "damping": [0.01], "delay": 0}}
+    )
+    data = Measured((two_outputs(bound=0.05),), ())
+    run, *_ = in_a_second(
+        data, monkeypatch, frequency=[{"file": "response.npz"}], modes={"hz": [15.9], "damping": [0.01], "delay": 0}
+    )
+    folder = RunFolder(tmp_path, resume=True)
+    folder.choices(run)
+    again = folder.asked(asked)
+    assert again.modes == run.modes
+    assert (again.frequency_points, again.prior, again.withheld) == (
+        asked.frequency_points,
+        asked.prior,
+        asked.withheld,
+    )

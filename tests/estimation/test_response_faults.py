@@ -240,3 +240,12 @@ def test_no_magnitude_of_several_hundred_decibels_is_proposed(seed):
     frf = of_many_modes(seed, damping=0.003)
     large = correct(frf, f"times {250 / np.abs(frf.values).max():.6g}")
     assert "magnitude in dB" not in {fault.correction for fault in response_faults(large)}
+
+
+def test_of_points_that_were_chosen_out_of_a_judged_response_nothing_is_told():
+    omega = np.linspace(1.0, 20.0, 60)
+    wrong = rid.FrequencyResponse(omega, np.conj(1 / (100 - omega**2 + 0.2j * omega)))
+    assert response_faults(wrong)
+    judged = dataclasses.replace(wrong, judged=True).select(slice(None, None, 2))
+    assert judged.judged
+    assert not response_faults(judged)

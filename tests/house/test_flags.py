@@ -26,6 +26,7 @@ CALLS = [
     ("Contradiction.verify", "exact", lambda **flag: rid.guarantee.Contradiction.verify(None, **flag)),
     ("Family.on_circle", "everywhere", lambda **flag: rid.guarantee.Family.on_circle(None, **flag)),
     ("Family.verify", "exact", lambda **flag: rid.guarantee.Family.verify(None, **flag)),
+    ("FrequencyResponse", "judged", lambda **flag: rid.FrequencyResponse(OMEGA, FRF.values, **flag)),
     ("MixedProblem", "symmetric", lambda **flag: rid.MixedProblem(frequency=CLASS.frequency, prior=PRIOR, **flag)),
     ("Modal", "symmetric", rid.fits.Modal),
     ("PID", "integral", rid.design.PID),

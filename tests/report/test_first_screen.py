@@ -1,5 +1,6 @@
 """The first screen of a page, its size, and the page with pictures only."""
 
+import dataclasses
 import re
 
 import control
@@ -7,12 +8,15 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.core import exponents_of
+from robustid.app.answers.parts import of_guarantees
 from robustid.identification import fit_percent
 from robustid.report import Verdict, render_report
 from robustid.report.document import Document, Heading, Text
 from robustid.report.html import MOST_WARNINGS, render
+from robustid.report.identification_page import identification_verdict
 from robustid.report.largest_response import is_resonance
+from robustid.report.live import live_words
+from robustid.report.proved_band import centre_chart
 from support.report_pages import Page, problem
 
 MOST_BYTES = 2_300_000  # of a page of a SISO identification: plotly, packed, is 1.9 MB of it
@@ -167,13 +171,63 @@ def test_fit_in_per_cent_is_that_of_the_residuals():
         assert found[kind] == pytest.approx(100 * (1 - (left.sum() / size.sum()) ** 0.5), abs=1e-6)
 
 
-def test_the_first_screen_says_why_a_band_proves_nothing(consistent):
-    """A box down to no damping at all: to bound the error was tried already."""
-    poles = consistent.problem.parametric.poles
-    modes = np.unique(np.abs(exponents_of(poles[np.imag(poles) > 0], consistent.problem.dt)))
-    box = np.outer(modes, [0.5, 1.5]), np.tile([1e-6, 0.3], (modes.size, 1))
-    band = rid.band(consistent, box=box)
+@pytest.fixture(scope="module")
+def strong(consistent):
+    """The same data in a class of both modes, which says something: its verdict alone is a good one."""
+    pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
+    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    found = rid.identify(dataclasses.replace(consistent.problem, prior=prior, parametric=pairs))
+    assert identification_verdict(found).key == "consistent"
+    return found
+
+
+def band_over(result, low, high, damping):
+    """The band over a box of both modes: from `low` to `high` times their frequencies, and their damping ratios."""
+    return rid.band(result, box=(2 * np.pi * np.outer([9.0, 17.67], [low, high]), np.array(damping)))
+
+
+def legend(page):
+    return [trace.get("name") for trace in page.every["first-0"]["data"]]
+
+
+def test_a_band_that_is_nowhere_finite_is_told_as_no_proof(strong):
+    """A box down to no damping at all: to bound the error was tried already, and there is no range to be drawn."""
+    band = band_over(strong, 0.6, 1.4, [[1e-6, 0.3], [1e-6, 0.3]])
     assert not band.bounded.any()
-    first = Page(render_report(consistent, band=band)).text.split("Open all details")[0]
+    page = Page(render_report(strong, band=band))
+    first = page.text.split("Open all details")[0]
+    assert "Consistent, but no error is proved" in first
+    assert ("section", {"class": "verdict weak", "id": "verdict"}) in page.tags
     assert f"Nothing is proved of the error: {band.why_nothing}" in first
+    assert "Measure frequency points around the modes" in first
     assert "not bounded on this page yet" not in first
+    assert not any("proved" in name for name in legend(page))
+    assert "band-certificates" not in ids(render_report(strong, band=band))
+    assert live_words(strong, band=band)[0] == "weak"
+    assert not any("proved" in layer.name for panel in centre_chart(band).panels for layer in panel.layers)
+    with pytest.raises(rid.errors.InputError, match="the error has no bound from 0 to 50 Hz"):
+        band.weight()
+
+
+def test_a_band_without_time_says_so_and_what_to_do(strong):
+    band = rid.band(strong, time_limit=1e-6)
+    first = Page(render_report(strong, band=band)).text.split("Open all details")[0]
+    assert "the search was ended before every entry had its turn" in first
+    assert "Bound the error of the model" in first
+    assert "nothing bounds their modes" in band.unfinished
+
+
+def test_a_range_is_drawn_only_where_it_is_proved(strong):
+    """A mode that may be undamped leaves the band open near it alone."""
+    band = band_over(strong, 0.98, 1.02, [[0.09, 0.11], [1e-9, 0.05]])
+    assert 0 < band.bounded.sum() < band.omega.size
+    assert np.isfinite(band.sigma_upper[~band.bounded]).any()
+    page = Page(render_report(strong, band=band))
+    assert f"proved range, but from {band.open_words}" in legend(page)
+    area = next(trace for trace in page.every["first-0"]["data"] if trace["name"].startswith("proved range"))
+    at = np.array([x for x in area["x"] if x is not None])
+    assert at.size
+    assert not band.is_open(2 * np.pi * at).any()
+    row = of_guarantees([band])["guarantees"][0]
+    assert row["at_most"] == band.sigma_upper[band.bounded].max()
+    assert row["frequencies"] == band.bounded.sum()

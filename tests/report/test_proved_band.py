@@ -113,7 +113,7 @@ def test_a_band_draws_itself_about_its_centre_or_its_model(kind):
     entries = plant.problem.entries.outputs * plant.problem.entries.inputs
     assert len(figure.axes) == 3 * entries
     labels = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert "centre of the proved band" in labels
+    assert "centre of the band" in labels
     assert any(label.startswith("proved band, poles ") for label in labels)
     model = control.ss([], [], [], np.zeros(plant.problem.entries.shape), plant.problem.dt or 0)
     again = found.with_model(model).plot()

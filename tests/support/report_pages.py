@@ -101,8 +101,12 @@ class Page(html.parser.HTMLParser):
     @property
     def figures(self):
         """Those below the first screen."""
-        every = json.loads(zlib.decompress(base64.b64decode(self.scripts[-2])))
-        return {name: figure for name, figure in every.items() if name != "first-0"}
+        return {name: figure for name, figure in self.every.items() if name != "first-0"}
+
+    @property
+    def every(self):
+        """Figures by their names, that of the first screen among them."""
+        return json.loads(zlib.decompress(base64.b64decode(self.scripts[-2])))
 
 
 def check_escaped(page):

@@ -91,19 +91,19 @@ def of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -
 def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> Record:
     """One bound of the largest singular value of the error, at the frequency where it is largest."""
     upper, over_box = found.sigma_upper, isinstance(found, WorstCaseOverPoles)
+    known = found.bounded if isinstance(found, Band) else np.isfinite(upper)
     missing: list[str] = []
     if isinstance(found, Band):
         over_box = found.box is not None
         open_ones = f"Nothing is proved from {found.open_words}: the box of a mode there reaches undamped ones."
-        missing += [open_ones] if found.open_ranges else []
-        missing += [f"{found.why_nothing[0].upper()}{found.why_nothing[1:]}."] if not found.bounded.any() else []
+        nothing = f"Nothing is proved at any frequency: {found.why_nothing}."
+        missing += [nothing] if not known.any() else [open_ones] if found.open_ranges else []
     else:
         missing.append("Frequencies between those that were bounded, and beyond them.")
     if isinstance(found, Band | WorstCaseError) and found.unfinished:
         missing.append(found.unfinished)
     if found.problem.parametric is not None and not over_box:
         missing.append(_STATED)
-    known = np.isfinite(upper)
     at = int(np.argmax(np.where(known, upper, -1.0))) if known.any() else None
     return {
         "of": _KINDS[type(found)],

@@ -122,13 +122,16 @@ def bounded(
     """Bounds of the error of every consistent system, each with what it covers."""
     status = "failed" if exit_code else "verified"
     sentence = "Every certificate holds." if not exit_code else "A certificate does not hold: verify names it."
+    found = of_guarantees(guarantees)
+    if not exit_code and all(row["at_most"] is None for row in found["guarantees"]):
+        sentence = "Every certificate holds, but none bounds the error at any frequency."
     return answer(
         "bounds",
         status,
         sentence,
         exit_code,
         **of_identification(identification),
-        **of_guarantees(guarantees),
+        **found,
         faults=faults_of(identification.problem.data_faults),
         files=[str(path) for path in files],
         controllers=[margin_row(name, one) for name, one in margins.items()],

@@ -43,10 +43,12 @@ FREE = (
     "integrators = {count}: the response rises towards low frequencies, and beside the modes alone no class that says anything"
     " holds the data; beside {count} pole{s} at z = 1 one does."
 )
-FEWER = (
-    "One of {every} frequency points is used, the others test what is found: in this class, which decays slowly beside the range of"
-    " the points, all of them need more coefficients than can be computed with."
+FEWER = "One of {every} frequency points is used, the others test what is found: {why}."
+TOO_LARGE = (
+    "in this class, which decays slowly beside the range of the points, all of them need more coefficients than can be computed"
+    " with"
 )
+TOO_SLOW = "all of them take longer than the time limit leaves"
 _LARGEST = 2.0  # times the largest response: a non-parametric part that is chosen
 _LARGE = 100.0  # times the largest response: one that holds whatever does not contradict itself
 SPARE = 1.1  # beyond the smallest inflation of the bounds
@@ -64,12 +66,15 @@ def chosen_points(run: RunFile, frf: FrequencyResponse) -> tuple[FrequencyRespon
     if asked.near_hz is not None:
         for hz in run.modes.hz or ():
             used |= np.abs(frf.freq_hz - hz) <= asked.near_hz
-    return frf.select(used), None if used.all() else frf.select(~used)
+    if used.all():
+        return frf, None
+    few, others = (dataclasses.replace(frf.select(part), judged=True) for part in (used, ~used))
+    return few, others
 
 
-def with_step(run: RunFile, every: int) -> RunFile:
-    """The run file with one of so many frequency points; the others test what is found."""
-    note = f"{run.prior.note}\n{FEWER.format(every=every)}"
+def with_step(run: RunFile, every: int, why: str) -> RunFile:
+    """The run file with one of so many frequency points, and why; the others test what is found."""
+    note = f"{run.prior.note}\n{FEWER.format(every=every, why=why)}"
     return run.changed("prior", note=note).changed("frequency_points", every=every)
 
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 
 from robustid.advice import Experiment, computable_step
 from robustid.app.run.class_choice import (
+    TOO_LARGE,
+    TOO_SLOW,
     chosen_points,
     inflated,
     inflated_problem,
@@ -36,9 +38,12 @@ from robustid.app.run.suspects import (
     without_contradictions,
 )
 from robustid.app.run.work import Untouched
+from robustid.core import Source
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.identification import MixedProblem
+
+MARGIN_SHARE = 0.5  # of the time that is left, for margin and model
 
 
 def posed(
@@ -93,24 +98,52 @@ def _posed(
     run = with_inflation(run, problem, around)
     problem = inflated_problem(problem, run)
     folder.choices(run)
-    stated = run.prior.is_stated
+    free = run
     run, problem = with_prior(run, problem, around, reference=reference)
-    if not stated and run.frequency_points.every == 1:
-        run, problem, left = _computable(run, problem, left, data, asked)
+    if not free.prior.is_stated and run.frequency_points.every == 1:
+        fewer = _fewer_points(free, run, problem, data, asked, around, reference)
+        run, problem, left = fewer or (run, problem, left)
     folder.choices(run)
     return run, problem, left._replace(points=[inflated(frf, run) for frf in left.points])
 
 
-def _computable(
-    run: RunFile, problem: MixedProblem, left: Untouched, data: Measured, asked: Modes
-) -> tuple[RunFile, MixedProblem, Untouched]:
-    """The same where some form of the chosen class takes all points; else with one of so many of them, and the rest as tests."""
+def _fewer_points(
+    free: RunFile,
+    run: RunFile,
+    problem: MixedProblem,
+    data: Measured,
+    asked: Modes,
+    around: Surroundings,
+    reference: bool,
+) -> tuple[RunFile, MixedProblem, Untouched] | None:
+    """The same with one of so many points, and the rest as tests; None where some form of the class takes all in its time.
+
+    Where no class holds all points, one is chosen for the fewer that there is time for, as with the run file before, `free`; the
+    class stays, and the points that some form takes, where there is none for these either.
+    """
+    seconds = around.budget.share(MARGIN_SHARE).seconds
     step = functools.partial(computable_step, form=run.identify.form, accuracy=run.identify.accuracy)
-    if step(problem) == 1:
-        return run, problem, left
-    every = step(dataclasses.replace(problem, frequency=data.responses))
-    run, fewer, left = told_apart(with_step(run, every), data, asked)
-    return run, dataclasses.replace(inflated_problem(fewer, run), prior=problem.prior), left
+    if run.prior.source == Source.STOPPED:  # nothing is decided in a class that nobody has looked for to the end
+        seconds = None
+    if step(problem, seconds=seconds) == 1:
+        return None
+    whole = dataclasses.replace(problem, frequency=data.responses)
+    least, every = step(whole), step(whole, seconds=seconds)
+    late = f"margin and model of all frequency points (one of {every} is used, the others test the result)"
+    if every > least and not run.prior.is_from_data:
+        found, fewer, left = told_apart(with_step(run, every, TOO_SLOW), data, asked)
+        found, fewer = dataclasses.replace(found, prior=free.prior), inflated_problem(fewer, found)
+        found, fewer = with_prior(found, fewer, around, reference=reference)
+        if found.prior.is_from_data:
+            around.ended_early(late)
+            return with_step(found, every, TOO_SLOW), fewer, left
+        every = least
+    if every == 1:
+        return None
+    if every > least:
+        around.ended_early(late)
+    found, fewer, left = told_apart(with_step(run, every, TOO_SLOW if every > least else TOO_LARGE), data, asked)
+    return found, dataclasses.replace(inflated_problem(fewer, found), prior=problem.prior), left
 
 
 def told_apart(run: RunFile, data: Measured, asked: Modes) -> tuple[RunFile, MixedProblem, Untouched]:

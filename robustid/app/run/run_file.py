@@ -177,8 +177,9 @@ class RunFile(Frozen, General):
         pairs += zip(self.members, asked.members, strict=True)
         pairs += [(getattr(self, name), getattr(asked, name)) for name in SECTIONS]
         open_values = (None, AUTO)
+        points = FrequencyPoints()  # the program takes fewer where it must
         alike = all(
-            getattr(have, f.name) == value or value in open_values
+            getattr(have, f.name) == value or value in open_values or (want == points and f.name == "every")
             for have, want in pairs
             for f in dataclasses.fields(want)
             for value in [getattr(want, f.name)]

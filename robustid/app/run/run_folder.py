@@ -94,8 +94,10 @@ class RunFolder:
                 f"the run in {self.folder} was asked something else: go on with the run file that it was started with, or choose"
                 " another folder"
             )
-        if before.prior.source == Source.STOPPED:  # it goes on from the gains that it has found
-            return dataclasses.replace(before, prior=run.prior)
+        if before.prior.source == Source.STOPPED or before.frequency_points != run.frequency_points:
+            # It goes on from the gains that it has found, perhaps with more points in its new time.
+            chosen = {name: getattr(run, name) for name in ("prior", "frequency_points", "withheld")}
+            return dataclasses.replace(before, **chosen)
         return before
 
     @property

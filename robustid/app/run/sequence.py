@@ -14,7 +14,7 @@ from robustid.app.run.designed import designed
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import box_of_modes, held_box
-from robustid.app.run.posing import posed, posed_as_stated
+from robustid.app.run.posing import MARGIN_SHARE, posed, posed_as_stated
 from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
@@ -47,7 +47,8 @@ _PREDICTED = 2000  # samples that are compared with what the others leave, befor
 _MANY = 400  # coefficients whose decision takes minutes
 _LARGER = 4  # times that a gain bound which the program chose is doubled
 _SUMS = 0.2  # of the time that is left when a step begins, as those of the next line
-_MARGIN, _BAND, _ORDER, _FITS, _CAUSES = 0.5, 0.3, 0.3, 0.2, 0.5
+_BAND, _ORDER, _FITS, _CAUSES = 0.3, 0.3, 0.2, 0.5
+_ORDER_LAST = 0.5  # of the time that is left, where nothing was decided: no band and no causes come after
 _LIMITING = 0.5  # of the time that is left: the loop itself comes after
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
@@ -153,7 +154,7 @@ def identified(
             "so many coefficients take minutes; every = 2 in [frequency_points] halves them, and tests with the others"
         )
     words, asked = f"margin and model{of}: {problem.coefficients} coefficients, {problem.samples} samples", run.identify
-    with around.step(words, _MARGIN, asked.time_limit) as limit:
+    with around.step(words, MARGIN_SHARE, asked.time_limit) as limit:
         result = identify(problem, **asked.arguments, time_limit=limit, progress=around.progress(words))
     if result.claim.stopped:
         around.ended_early(words)
@@ -196,7 +197,8 @@ def reduced(work: Work) -> None:
     """The smallest model inside the bounds."""
     asked, words = work.run.small_model, "searching for the smallest order"
     body = None if asked.rigid_body is None else RigidBody(asked.rigid_body)
-    with work.around.step(words, _ORDER, asked.time_limit) as limit:
+    more = work.identification.status in (Status.CONSISTENT, Status.INCONSISTENT)
+    with work.around.step(words, _ORDER if more else _ORDER_LAST, asked.time_limit) as limit:
         told = work.around.progress(words)
         how: Record = {"rigid_body": body, "band": work.band, "time_limit": limit, "progress": told}
         work.reduction = reduce_within_bounds(work.identification, **how)

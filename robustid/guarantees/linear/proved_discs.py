@@ -6,7 +6,7 @@ import dataclasses
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Complex, Frozen, Real, as_array, as_count, freeze, hz_span, one_thread
 from robustid.errors import InputError
@@ -76,6 +76,12 @@ class ProvedDiscs(Frozen):
         """
         omega = self.problem.plane.omega(np.array(self._entries.open_arcs()).reshape(-1, 2))
         return tuple((float(low), float(high)) for low, high in omega)
+
+    def is_open(self, omega: Real) -> NDArray[np.bool_]:
+        """Mask of the frequencies, rad/s, (F,), that lie in an open range."""
+        return np.any([(low <= omega) & (omega <= high) for low, high in self.open_ranges], axis=0) | np.zeros(
+            omega.size, bool
+        )
 
     @property
     def open_words(self) -> str:

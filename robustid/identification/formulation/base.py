@@ -194,9 +194,9 @@ class Formulation(Frozen, Functions):
                 Remedy({}, "Take single entries, frf.entry(output, input), a larger decay, or fewer points"),
             )
 
-    def is_late(self, seconds: float | None) -> bool:
-        """Tell of a matrix whether a single Newton step takes longer than a solution may."""
-        late = seconds is not None and self.work / _PER_SECOND > max(seconds, _PATIENCE)
+    def is_late(self, seconds: float | None, steps: int = 1) -> bool:
+        """Tell of a matrix whether so many Newton steps take longer than a solution may."""
+        late = seconds is not None and steps * self.work / _PER_SECOND > max(seconds, _PATIENCE)
         return late and not self.problem.entries.single
 
     @property
