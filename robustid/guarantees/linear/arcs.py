@@ -31,7 +31,7 @@ def arc_bounds(
     and bounds (N, ny, nu)), B a bound of |E''|; other discs and polygons follow from `KnownErrors.on_arcs`. Arcs are divided until
     the last term is small; nothing is searched.
     """
-    knots = np.unique(np.concatenate([band.angles for band in bands.bands]))
+    knots = bands.knots()
     bend = Bends(bands, model)
     if corners is not None:
         corners = np.clip(corners[0], knots[0], knots[-1]), corners[1]

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,37 +16,44 @@ from robustid.guarantees.linear.directed import DirectedBand, Measure, Sides, di
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, smallest_discs
 
 _SIDES = 16  # directions
-# Smoothing of the steps from nothing, and from the multipliers of a knot beside, as parts of the mean term of a bound.
-_LEVELS, _LEVELS_ON = np.geomspace(1, 0.03, 16).tolist(), np.geomspace(0.3, 0.03, 6).tolist()
+# Smoothing of the steps, as parts of the mean term of a bound: from multipliers of a knot beside, whose points are others, as many
+# steps would be needed.
+_LEVELS = np.geomspace(2, 0.05, 11).tolist()
 _LENGTHS = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6])  # of a step
 _BEND = (
     0.85  # of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot
 )
 _POINTS, _FARTHER, _NODES = 16, 8, 8  # the nearest points, others ever farther apart, and the nearest polygons
+_FUNCTIONS = 6  # of the class, of each of which it is weighed what is missed; of the others together
+_FEWEST = 24  # angles, where the time is short
 _LAST = 3  # iterates that are evaluated
 _ROUNDS = 40  # of the smallest ellipses
 _FLAT = 1e-9  # of an extent: the least one of an ellipse
 _HALVINGS = 4  # of arcs:
 _WIDE, _LOOSE = 1.0, 1.02  # those that are so much wider in the middle than at their ends, and than a search there
 
+Directed = tuple[NDArray[np.intp], Complex, Real]  # points (n,), multipliers (M, n), bounds (M,)
+Norms = tuple[Real, Real, Real]  # square - 2 cross x + x'Qx, squared, of all directions: Q, cross, square
+
 
 def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> DirectedBand | None:
-    """Search certificates at angles, each from those before it, and between them where mixing loses, on arcs above `least`.
+    """Search certificates at angles, and between them where mixing loses, on arcs above `least`.
 
-    None where there is no time for the former.
+    At those of the angles that there is time for, spread over all; None where it is hardly any.
     """
-    search = DirectedSearch(sides, directions(_SIDES))
-    targets = targets_at(sides.samples, angles)
-    points: list[NDArray[np.intp]] = []
-    c: list[Complex] = []
-    for k in range(angles.size):
+    search, targets = DirectedSearch(sides, directions(_SIDES)), targets_at(sides.samples, angles)
+    found: dict[int, Directed] = {}
+    # The ends, every 2^k-th one, and so on to all of them: whenever the time ends, those that were searched are spread.
+    for k in sorted(range(angles.size), key=lambda k: -(k & -k) if 0 < k < angles.size - 1 else -angles.size):
         if budget.over:
-            return None
-        target = targets[k : k + 1]
-        points.append(search.nearest(complex(target.base[0])))
-        before = None if not k else moved(points[k - 1], c[k - 1], points[k])
-        c.append(search.search(target, points[k], before)[0])
-    band = DirectedBand(sides, angles, np.array(points), np.array(c, dtype=np.complex64))
+            break
+        found[k] = search.at(targets[k : k + 1])
+    if len(found) < min(_FEWEST, angles.size):
+        return None
+    places = sorted(found)
+    angles = angles[places]
+    points, c, _ = map(np.array, zip(*(found[k] for k in places), strict=True))
+    band = DirectedBand(sides, angles, points, c.astype(np.complex64))
     open_arcs = np.arange(angles.size - 1)
     for _ in range(_HALVINGS):
         open_arcs = open_arcs[np.diff(band.angles)[open_arcs] > least]
@@ -53,8 +61,11 @@ def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> D
             break
         middle = (band.angles[open_arcs] + band.angles[open_arcs + 1]) / 2
         radius, between = band.radius, band.at(middle)[1]
-        wide = between > _WIDE * (radius[open_arcs] + radius[open_arcs + 1]) / 2
-        open_arcs, middle, between = open_arcs[wide], middle[wide], between[wide]
+        with np.errstate(invalid="ignore"):
+            loss = between / ((radius[open_arcs] + radius[open_arcs + 1]) / 2)
+        worst = np.argsort(-loss, kind="stable")
+        worst = worst[loss[worst] > _WIDE]  # the time may end before the others
+        open_arcs, middle, between = open_arcs[worst], middle[worst], between[worst]
         if not open_arcs.size or budget.over:
             break
         band, open_arcs = _halved(search, band, open_arcs, middle, between, budget)
@@ -64,38 +75,25 @@ def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> D
 def _halved(
     search: DirectedSearch, band: DirectedBand, arcs: NDArray[np.intp], middle: Real, between: Real, budget: Budget
 ) -> tuple[DirectedBand, NDArray[np.intp]]:
-    """The band with knots in the middle of those arcs where a search there gains, and the numbers of their halves.
+    """The band with knots in the middle of those arcs where a search there gains, and the numbers of their halves, rising.
 
     Of the first of them, as far as the time goes; one at least.
     """
     targets = targets_at(band.samples, middle)
-    chosen: list[NDArray[np.intp]] = []
-    multipliers: list[Complex] = []
-    bounds: list[Real] = []
-    for k, arc in enumerate(arcs.tolist()):
+    found: list[Directed] = []
+    for k in range(arcs.size):
         if k and budget.over:
             break
-        target = targets[k : k + 1]
-        points = search.nearest(complex(target.base[0]))
-        both, low, high = band.of_arc(arc)
-        c, support = search.search(target, points, moved(both, (low + high) / 2, points))
-        chosen.append(points)
-        multipliers.append(c)
-        bounds.append(support)
-    arcs, middle, between = arcs[: len(bounds)], middle[: len(bounds)], between[: len(bounds)]
-    loose = between > _LOOSE * smallest_discs(corners_of_supports(np.array(bounds)))[1]
+        found.append(search.at(targets[k : k + 1]))
+    chosen, multipliers, bounds = map(np.array, zip(*found, strict=True))
+    loose = between[: len(bounds)] > _LOOSE * smallest_discs(corners_of_supports(bounds))[1]
+    loose = np.flatnonzero(loose)[np.argsort(arcs[: len(bounds)][loose])]
     at = arcs[loose] + 1
     first = arcs[loose] + np.arange(at.size)
     angles = np.insert(band.angles, at, middle[loose])
-    points = np.insert(band.points, at, np.array(chosen)[loose], axis=0)
-    c = np.insert(band.multipliers, at, np.array(multipliers, dtype=np.complex64)[loose], axis=0)
+    points = np.insert(band.points, at, chosen[loose], axis=0)
+    c = np.insert(band.multipliers, at, multipliers[loose].astype(np.complex64), axis=0)
     return DirectedBand(band.sides, angles, points, c), np.sort(np.concatenate([first, first + 1]))
-
-
-def moved(points: NDArray[np.intp], c: Complex, to: NDArray[np.intp]) -> Complex:
-    """Multipliers (M, n) of points as those of others: 0 of new ones."""
-    place = np.searchsorted(points, to).clip(max=points.size - 1)
-    return np.where(points[place] == to, c[:, place], 0)
 
 
 class DirectedSearch:
@@ -131,23 +129,25 @@ class DirectedSearch:
             order = order[np.unique(np.concatenate([np.arange(_POINTS), far]))]
         return np.sort(np.concatenate([order, sides.first_node + nodes]))
 
-    def search(self, target: Targets, points: NDArray[np.intp], start: Complex | None = None) -> tuple[Complex, Real]:
-        """Multipliers (M, n) of points for one target, and bounds (M,): the best of the last ones and of a start beside it."""
+    def at(self, target: Targets) -> Directed:
+        """The nearest points for one target, with multipliers and bounds."""
+        points = self.nearest(complex(target.base[0]))
+        return points, *self.search(target, points)
+
+    def search(self, target: Targets, points: NDArray[np.intp]) -> tuple[Complex, Real]:
+        """Multipliers (M, n) of points for one target, and bounds (M,): the best of the last ones."""
         sides, n = self.sides, points.size
         centre, E = self._ellipses
-        bound = _Smoothed(self._norms(target, points), self._rows(target, points), centre[points], E[points])
-        levels = _LEVELS if start is None else _LEVELS_ON
+        rows, rest = _grouped(*self._rows(target, points))
+        bound = _Smoothed([self._norms(target, points), *rest], rows, centre[points], E[points])
         x = np.zeros((self.turns.size, 2 * n))
         tried: list[Complex] = []
-        if start is not None:
-            tried.append(start)
-            x = np.concatenate([start.real, start.imag], axis=1)
-        for step, level in enumerate(levels):
+        for step, level in enumerate(_LEVELS):
             try:
                 x = bound.step(x, level)
             except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
                 break
-            if step >= len(levels) - _LAST:
+            if step >= len(_LEVELS) - _LAST:
                 tried.append((x[:, :n] + 1j * x[:, n:]).astype(np.complex64).astype(complex))
         if not tried:
             return np.zeros((self.turns.size, n), complex), np.full(self.turns.size, np.inf)
@@ -186,31 +186,45 @@ class DirectedSearch:
         return J, np.concatenate([one[:, kept] * radius[kept] for one in T], axis=1)
 
 
+def _grouped(J: Real, wanted: Real) -> tuple[tuple[Real, Real], list[Norms]]:
+    """Rows of the largest functions, and the others as one norm, which is at least as large as the sum of theirs."""
+    count = len(J) // 2
+    size = np.abs(wanted[:, :count] + 1j * wanted[:, count:]).max(axis=0)
+    if count <= _FUNCTIONS:
+        return (J, wanted), []
+    order = np.argsort(-size, kind="stable")
+    large, small = (np.concatenate([part, part + count]) for part in (order[:_FUNCTIONS], order[_FUNCTIONS:]))
+    A, b = J[small] * np.sqrt(count - _FUNCTIONS), wanted[:, small] * np.sqrt(count - _FUNCTIONS)
+    return (J[large], wanted[:, large]), [(A.T @ A, b @ A, (b**2).sum(axis=1))]
+
+
 class _Smoothed:
     """The bound of a target as a function of x = (Re c, Im c), of all directions, each |term| as sqrt(term^2 + delta^2)."""
 
-    def __init__(self, norms: tuple[Real, Real, Real], rows: tuple[Real, Real], centre: Complex, E: Real) -> None:
-        (self.Q, self.cross, self.square), (self.J, self.wanted) = norms, rows
+    def __init__(self, norms: Sequence[Norms], rows: tuple[Real, Real], centre: Complex, E: Real) -> None:
+        self.norms, (self.J, self.wanted) = norms, rows
         self.linear, self.E, self.count = np.concatenate([centre.real, -centre.imag]), E, centre.size
-        self.unit = np.sqrt(self.square.max())
+        self.unit = np.sqrt(norms[0][2].max())
 
-    def _terms(self, x: Real) -> tuple[Real, Real, Real, Real]:
-        """E g of the points, their squares, |r|^2, and what is missed of the functions; x (..., M, 2n)."""
+    def _terms(self, x: Real) -> tuple[Real, Real, list[Real], Real]:
+        """E g of the points, their squares, those of the norms, and what is missed of the functions; x (..., M, 2n)."""
         a, b = x[..., : self.count], x[..., self.count :]
         E = self.E
         turned = np.stack([E[:, 0, 0] * a - E[:, 0, 1] * b, E[:, 1, 1] * b - E[:, 0, 1] * a])
         own = np.maximum(turned[0] * a + turned[1] * b, 0.0)
-        rest = self.square - 2 * (self.cross * x).sum(axis=-1) + ((x @ self.Q) * x).sum(axis=-1)
-        missed = x @ self.J.T - self.wanted
-        return turned, own, np.maximum(rest, 0.0), missed
+        rest = [
+            np.maximum(square - 2 * (cross * x).sum(axis=-1) + ((x @ Q) * x).sum(axis=-1), 0.0)
+            for Q, cross, square in self.norms
+        ]
+        return turned, own, rest, x @ self.J.T - self.wanted
 
     def _value(self, x: Real, delta: Real) -> Real:
         _, own, rest, missed = self._terms(x)
         half = missed.shape[-1] // 2
         d = delta[:, None] ** 2
         sizes = missed[..., :half] ** 2 + missed[..., half:] ** 2
-        total = np.sqrt(own + d).sum(axis=-1) + np.sqrt(rest + d[:, 0]) + np.sqrt(sizes + d).sum(axis=-1)
-        return x @ self.linear + total
+        total = np.sqrt(own + d).sum(axis=-1) + np.sqrt(sizes + d).sum(axis=-1)
+        return x @ self.linear + total + sum(np.sqrt(one + d[:, 0]) for one in rest)
 
     def step(self, x: Real, level: float) -> Real:
         """A step of Newton with the smoothing `level`, as a part of the mean term, and the best of some lengths of it."""
@@ -218,18 +232,19 @@ class _Smoothed:
         turned, own, rest, missed = self._terms(x)
         half = missed.shape[1] // 2
         sizes = missed[:, :half] ** 2 + missed[:, half:] ** 2
-        total = np.sqrt(own).sum(axis=1) + np.sqrt(rest) + np.sqrt(sizes).sum(axis=1)
-        delta = np.maximum(level * total / (n + 1 + half), 1e-9 * self.unit)
+        total = np.sqrt(own).sum(axis=1) + np.sqrt(sizes).sum(axis=1) + sum(np.sqrt(one) for one in rest)
+        delta = np.maximum(level * total / (n + len(rest) + half), 1e-9 * self.unit)
         d = delta[:, None] ** 2
-        s, r, m = np.sqrt(own + d), np.sqrt(rest + d[:, 0]), np.sqrt(sizes + d)
-        pull = x @ self.Q - self.cross
+        s, m = np.sqrt(own + d), np.sqrt(sizes + d)
         both = np.concatenate([m, m], axis=1)
-        gradient = self.linear + np.concatenate([turned[0] / s, turned[1] / s], axis=1) + pull / r[:, None]
-        gradient += (missed / both) @ self.J
-        H = self.Q / r[:, None, None] - _BEND * (pull[:, :, None] * pull[:, None, :]) / r[:, None, None] ** 3
-        H = H + (self.J.T / both[:, None, :]) @ self.J
+        gradient = self.linear + np.concatenate([turned[0] / s, turned[1] / s], axis=1) + (missed / both) @ self.J
+        H = (self.J.T / both[:, None, :]) @ self.J
         along = missed[:, :half, None] * self.J[:half] + missed[:, half:, None] * self.J[half:]
         H -= _BEND * (along / m[:, :, None] ** 3).swapaxes(1, 2) @ along
+        for (Q, cross, _), one in zip(self.norms, rest, strict=True):
+            pull, r = x @ Q - cross, np.sqrt(one + d[:, 0])[:, None]
+            gradient += pull / r
+            H += Q / r[:, :, None] - _BEND * (pull[:, :, None] * pull[:, None, :]) / r[:, :, None] ** 3
         H[:, at, at] += self.E[:, 0, 0] / s - _BEND * turned[0] ** 2 / s**3
         H[:, n + at, n + at] += self.E[:, 1, 1] / s - _BEND * turned[1] ** 2 / s**3
         off = -self.E[:, 0, 1] / s - _BEND * turned[0] * turned[1] / s**3

@@ -143,9 +143,12 @@ class EntryBands(Frozen):
     def _numbers(self) -> dict[tuple[int, int], int]:
         """Number of the band of every entry."""
         own = {one.samples.entry: k for k, one in enumerate(self.bands)}
-        symmetric = self.problem.entries.symmetric
-        places = np.ndindex(*self.problem.entries.shape)
+        symmetric, places = self.problem.entries.symmetric, np.ndindex(*self.problem.entries.shape)
         return {place: own[(min(place), max(place)) if symmetric else place] for place in places}
+
+    def knots(self) -> Real:
+        """Angles of the knots of all entries."""
+        return np.unique(np.concatenate([band.angles for band in self.bands]))
 
     def of(self, place: tuple[int, int]) -> EntryBand:
         """The discs of an entry."""
@@ -171,9 +174,7 @@ class EntryBands(Frozen):
             rows, columns = zip(*(place for place, own in self._numbers.items() if own == number), strict=True)
             own = band.errors(nominal[:, rows, columns], angles, rounding)
             bound[:, rows, columns], centre[:, rows, columns], radius[:, rows, columns] = own[:3]
-            supports = own.supports
-        if self.problem.entries.shape != (1, 1):
-            supports = np.zeros((angles.size, 0))
+            supports = own.supports if nominal[0].size == 1 else supports
         return KnownErrors(bound, centre, radius, supports)
 
     def errors_at(self, model: control.StateSpace, angles: Real) -> KnownErrors:
@@ -184,15 +185,13 @@ class EntryBands(Frozen):
         """Arcs between angles on which nothing is said: around infinite radii, as far as they exceed the largest response."""
         ends: list[tuple[float, float]] = []
         for one in self.bands:
-            endless = np.isinf(one.radius)
-            if not endless.any():
+            if not (endless := np.isinf(one.radius)).any():
                 continue
             lost = one.radius > np.abs(one.centre[~endless]).max(initial=0.0)
             starts = np.flatnonzero(lost & ~np.r_[False, lost[:-1]])
             stops = np.flatnonzero(lost & ~np.r_[lost[1:], False])
-            last = one.angles.size - 1
             ends += [
-                (float(one.angles[max(a - 1, 0)]), float(one.angles[min(b + 1, last)]))
+                (float(one.angles[max(a - 1, 0)]), float(one.angles[min(b + 1, one.angles.size - 1)]))
                 for a, b in zip(starts.tolist(), stops.tolist(), strict=True)
                 if endless[a : b + 1].any()
             ]

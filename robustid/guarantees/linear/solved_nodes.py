@@ -203,6 +203,10 @@ class JoinedBands(EntryBands):
     bands: tuple[EntryBand | DirectedBand, ...]  # type: ignore[reportIncompatibleVariableOverride]
     plain: EntryBands
 
+    def knots(self) -> Real:
+        """Those of both."""
+        return np.union1d(super().knots(), self.plain.knots())
+
     def at(self, angles: Real) -> tuple[Complex, Real]:
         """Centres and radii at angles between the knots, (N, ny, nu)."""
         (centre, radius), (plain, least) = super().at(angles), self.plain.at(angles)
