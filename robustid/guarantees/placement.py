@@ -48,7 +48,7 @@ _HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is kn
 _SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
 _SIDES_OF_CELLS = 8, 0.1  # and of cells
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
-_BETWEEN = 0.15  # of the time: for the search between the polygons
+_BETWEEN = 0.25  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
 
 

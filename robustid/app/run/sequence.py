@@ -338,8 +338,8 @@ def limiting(work: Work) -> None:
     asked, result, words = work.run.worst_case, work.identification, "bounding R where it limits the loop"
     with work.around.step(words, _LIMITING, asked.time_limit) as limit:
         how: Record = asked.arguments | work.around.counted(words) | {"time_limit": limit}
-        found = work.band.with_model(work.model)
-        work.error = limiting_polygons(found, work.loop, result, default_grid(result.problem), **how)
+        about = work.band.with_model(work.model), work.loop, result, default_grid(result.problem)
+        work.error = limiting_polygons(*about, **how)
     if work.error is not None:
         work.run = work.run.changed("worst_case", at_hz=tuple((work.error.omega / (2 * np.pi)).tolist()))
         work.around.folder.choices(work.run)
@@ -347,13 +347,9 @@ def limiting(work: Work) -> None:
 
 def sharpened(work: Work) -> None:
     """The band of R with polygons where they limit the loop; over a box of poles, where they gain most."""
-    if work.loop is None or work.band is None:
-        return
-    if work.band.box is None:
-        limiting(work)
-        refined(work)
-    else:
-        narrowed(work)
+    if work.loop is not None and work.band is not None:
+        for step in (limiting, refined) if work.band.box is None else (narrowed,):
+            step(work)
 
 
 def circled(work: Work) -> None:

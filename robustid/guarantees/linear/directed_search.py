@@ -18,13 +18,13 @@ from robustid.guarantees.linear.polygon_discs import corners_of_supports, smalle
 _SIDES = 16  # directions
 # Smoothing of the steps, as parts of the mean term of a bound: from multipliers of a knot beside, whose points are others, as many
 # steps would be needed.
-_LEVELS = np.geomspace(2, 0.05, 11).tolist()
+_LEVELS = np.geomspace(2, 0.02, 16).tolist()
 _LENGTHS = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6])  # of a step
 _BEND = (
     0.85  # of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot
 )
 _POINTS, _FARTHER, _NODES = 16, 8, 8  # the nearest points, others ever farther apart, and the nearest polygons
-_FUNCTIONS = 6  # of the class, of each of which it is weighed what is missed; of the others together
+_FUNCTIONS = 12  # of the class, of each of which it is weighed what is missed; of the others together
 _FEWEST = 24  # angles, where the time is short
 _LAST = 3  # iterates that are evaluated
 _ROUNDS = 40  # of the smallest ellipses

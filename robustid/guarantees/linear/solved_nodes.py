@@ -204,7 +204,7 @@ class JoinedBands(EntryBands):
     plain: EntryBands
 
     def knots(self) -> Real:
-        """Those of both."""
+        """Angles of the knots of both."""
         return np.union1d(super().knots(), self.plain.knots())
 
     def at(self, angles: Real) -> tuple[Complex, Real]:

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import importlib.util
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -13,7 +14,8 @@ from robustid.errors import FileFormatError
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.linear import directed
 from robustid.guarantees.linear.certificate import targets_at
-from robustid.guarantees.linear.directed import DirectedBand
+from robustid.guarantees.linear.directed import DirectedBand, Sides, directions
+from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.linear.directed_verification import holds_exactly
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, hull, smallest_discs
 from support.edge_bands import edge_plant
@@ -189,6 +191,45 @@ def test_without_time_the_discs_around_the_polygons_stand():
     omega = np.random.default_rng(0).uniform(*found.range, 200)
     assert np.median(found.at(omega)[1] / quick.at(omega)[1]) < 0.98
     assert np.all(found.at(omega)[1] <= plain.at(omega)[1])
+
+
+def test_the_search_comes_near_to_what_a_conic_solver_finds():
+    """All terms of the bound as cones, without smoothing: of four directions at two frequencies between the lines."""
+    plant = edge_plant("discrete", 10)
+    (one,) = rid.band(rid.identify(plant.problem), box=plant.box, knots=80).bands
+    search = DirectedSearch(Sides(one.samples, one.extraction, np.zeros((0, 3), complex)), directions(4))
+    for angle in one.angles[[20, 60]] + 0.3 * np.diff(one.angles)[[20, 60]]:
+        target = targets_at(one.samples, np.array([angle]))
+        points, _, bounds = search.at(target)
+        (Q, cross, square), (J, wanted), (centre, E) = (
+            search._norms(target, points), search._rows(target, points), search._ellipses,
+        )  # fmt: skip
+        half, low = len(J) // 2, np.linalg.cholesky(Q + 1e-12 * np.trace(Q) * np.eye(len(Q)))
+        for k, bound in enumerate(bounds):
+            a, b = cp.Variable(points.size), cp.Variable(points.size)
+            x = cp.hstack([a, b])
+            shift = np.linalg.solve(low, cross[k])
+            rest = cp.norm(cp.hstack([low.T @ x - shift, np.sqrt(max(square[k] - shift @ shift, 0.0))]))
+            sides = [cp.norm(np.linalg.cholesky(E[at]).T @ cp.hstack([a[i], -b[i]])) for i, at in enumerate(points)]
+            missed = J @ x - wanted[k]
+            left = [cp.norm(cp.hstack([missed[i], missed[half + i]])) for i in range(half)]
+            linear = centre[points].real @ a - centre[points].imag @ b
+            program = cp.Problem(cp.Minimize(linear + rest + cp.sum(cp.hstack([*sides, *left]))))
+            least = program.solve(solver="CLARABEL") + _of_amplitudes(search, target, k)
+            assert bound >= least - 1e-6 * abs(least)
+            assert bound <= least + 0.005 * np.ptp(bounds)
+
+
+def _of_amplitudes(search, target, direction):
+    """The part of the bound that multipliers do not move: the functions at the middles of their amplitudes."""
+    return float((search.turns[direction] * (target.values[0] @ search._centres)).real)
+
+
+def test_no_arc_is_wider_with_polygons_than_without():
+    _, result, found = joined(*ONE)
+    plain = dataclasses.replace(found, polygons=None, joined=())
+    assert set(plain._entries.knots()) <= set(found._entries.knots())
+    assert found.with_model(result.model).hinf <= plain.with_model(result.model).hinf * (1 + 1e-12)
 
 
 CHANGES = {
