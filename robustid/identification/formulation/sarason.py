@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import functools
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from robustid.identification.formulation.ball import (
     TurnedBall,
 )
 from robustid.identification.formulation.quadrature import QuadratureMap
-from robustid.identification.interpolant import Interpolants, interpolants
+from robustid.identification.interpolant import interpolants
 
 _KEPT = 64  # order up to which the last bases are kept, 2 MB each: of the same data many classes are asked for
 
@@ -132,7 +132,7 @@ class SarasonMap(Frozen, abc.ABC):
         """Largest <Y, X> of them: the nuclear norm ||Y||_*."""
         return float(np.sum(np.linalg.svd(Y, compute_uv=False)))
 
-    def interpolants(self, x: NDArray[np.float64]) -> Interpolants:
+    def interpolants(self, x: NDArray[np.float64]) -> Any:
         """All functions of the unit ball with the data x; needs ||X(x)|| < 1."""
         return interpolants(self.pair, self.entries.parted(self.matrix(x)), self.entries.expand(x))
 
