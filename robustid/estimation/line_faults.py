@@ -46,6 +46,8 @@ def line_faults(frf: FrequencyResponse) -> Cleaned:
         inner = line_faults(frf.select(slice(low, high)))
         return inner._replace(faults=[*_noise_words(frf, low, high), *inner.faults])
     out, found = _contradicting(frf)
+    if int(np.sum(~out)) < FEWEST:  # too few to be judged
+        return Cleaned(found, frf, frf)
     rest = frf.select(~out)
     odd = odd_values(rest)
     wrong = _mask(rest, odd)
@@ -117,6 +119,9 @@ def _contradicting(frf: FrequencyResponse) -> tuple[NDArray[np.bool_], list[Faul
     words = f"repeated frequency points contradict each other: {_places(frf, places)}"
     size = worst * (_TWICE if frf.bound is not None else 1)
     evidence = f"values at the same frequency differ by {size:.3g} {unit}"
+    if out.all():
+        words = "every frequency point stands there again with other values: several responses in one file"
+        return out, [Fault(FaultKind.OUTLIER, words, f"{evidence}; give each response in a file of its own", size=size)]
     return out, [Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, places), size=size)]
 
 

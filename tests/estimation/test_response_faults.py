@@ -138,6 +138,21 @@ def uneven(seed):
     return changed(frf, slice(None), error[:, None, None])
 
 
+def test_two_responses_one_after_the_other_are_told_as_that():
+    """Every frequency twice, no line of which is left; nor where the few others are too few to be judged."""
+    omega = np.linspace(1, 50, 30)
+    first = 1 / (1 - (omega / 20) ** 2 + 0.04j * omega / 20)
+    for extra in (0, 3):
+        w, values = (
+            np.concatenate([omega, omega, 60.0 + np.arange(extra)]),
+            np.concatenate([first, 3 * first, np.ones(extra)]),
+        )
+        (found,) = rid.prepare.response_faults(rid.FrequencyResponse(w, values))
+        assert found.kind == "outlier"
+        assert ("several responses in one file" in found.words) == (extra == 0)
+        assert bool(found.correction) == (extra > 0)
+
+
 @pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.slow)])
 def test_where_all_lines_scatter_more_none_of_them_is_off(seeds):
     """Lines of the mirror at its resonance were told so, which other excitations of it do not show."""
