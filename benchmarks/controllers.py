@@ -122,7 +122,7 @@ def narrowness(band):
         return "no polygons that are smaller than the discs"
     turned = np.real(corners[:, None] * np.exp(-1j * np.linspace(0, np.pi, 16, endpoint=False))[:, None])
     widths = np.ptp(turned, axis=2) / 2
-    _, radius = dataclasses.replace(band, polygons=None, joined=()).at(omega)
+    _, radius = dataclasses.replace(band, polygons=None, directed=()).at(omega)
     parts = [np.median(size / radius[:, 0, 0]) for size in (widths.min(axis=1), widths.max(axis=1))]
     return f"polygons at {omega.size} frequencies, {parts[0]:.2f} times {parts[1]:.2f} of the discs in the median"
 

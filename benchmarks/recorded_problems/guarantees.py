@@ -130,7 +130,7 @@ def band_records(_):
 def band_refined(_):
     found = rid.identify(structure(lines=4, samples=4))
     band = rid.band(found, knots=40).refine(found, omega=AT[:2])
-    return band_facts(band) | {"error": band.error_at(AT), "words": band.polygon_words}
+    return band_facts(band) | {"error": band.error_at(AT), "words": band.narrowing_words}
 
 
 @problem(quick=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,7 @@ from robustid.guarantees.linear.directed import DirectedBand, Sides, directed_fi
 from robustid.guarantees.linear.entry_band import EntryBand, extraction_fits, multipliers_fit
 from robustid.guarantees.linear.functions import Box, BoxLike, ends_of, functions_of
 from robustid.guarantees.linear.samples import Samples, samples_of, seen_in
-from robustid.guarantees.linear.solved_nodes import Nodes, said, with_nodes
+from robustid.guarantees.linear.solved_nodes import NO_NODES, Nodes, said, with_nodes
 from robustid.guarantees.nominal import as_frequencies, check_nominal, default_grid
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.refinement import check_polygons, nodes_of, polygons_hold
@@ -126,7 +126,15 @@ def _statement(thing: object, model: control.StateSpace | None) -> tuple[MixedPr
     return problem, None if model is None else check_nominal(model, problem)
 
 
-Multipliers = tuple[Real, Array, Array, Arrays, bool]
+class Multipliers(NamedTuple):
+    """Knots of an entry, with points and multipliers, the fields of an `Extraction` but for its samples, and what holds of them."""
+
+    angles: Real
+    points: Array
+    multipliers: Array
+    amplitudes: Arrays
+    complete: bool
+    nodes: bool  # polygons are among the samples
 
 
 def band_of_multipliers(
@@ -136,43 +144,42 @@ def band_of_multipliers(
     model: control.StateSpace | None,
     multipliers: Sequence[Multipliers],
     polygons: Bounded | None = None,
-    joined: Sequence[Multipliers] = (),
+    directed: Sequence[Multipliers] = (),
 ) -> Band:
     """Make the band of known multipliers; all that it claims follows from them. ValueError for arrays of another problem.
 
-    Of every entry angles, points and multipliers of the knots, the fields of an `Extraction` but for its samples, and whether its
-    search was complete; `joined` are those over samples and polygons.
+    `directed` are those of one direction each, and over polygons.
     """
     functions, seen = functions_of(problem, box), seen_in(problem)
     places = independent_entries(problem.entries)
-    if len(places) != len(multipliers) or len(joined) not in ((0,) if polygons is None else (0, len(places))):
+    if len(places) != len(multipliers) or len(directed) not in (0, len(places)):
         raise ValueError("its entries are not those of the problem")
     every = [samples_of(problem, functions, place, seen) for place in places]
     bands = tuple(_entry_of(*pair) for pair in zip(every, multipliers, strict=True))
     grid = as_frequencies(omega, problem)
     found = Band(problem=problem, omega=grid, bands=bands, box=box, model=model)
-    if polygons is None:
-        return found
-    if not polygons_hold(polygons):
-        raise ValueError("its polygons do not follow from their certificates")
-    check_polygons(polygons, problem, box)
-    nodes = [nodes_of(polygons, one.entry) for one in every]
-    further = tuple(_joined_of(*each) for each in zip(every, nodes, joined, strict=False))
-    return dataclasses.replace(found, problem=polygons.identification.problem, polygons=polygons, joined=further)
+    if polygons is not None:
+        if not polygons_hold(polygons):
+            raise ValueError("its polygons do not follow from their certificates")
+        check_polygons(polygons, problem, box)
+        found = dataclasses.replace(found, problem=polygons.identification.problem, polygons=polygons)
+    nodes = [NO_NODES if polygons is None else nodes_of(polygons, one.entry) for one in every]
+    further = tuple(_directed_of(*each) for each in zip(every, nodes, directed, strict=False))
+    return dataclasses.replace(found, directed=further)
 
 
 def _entry_of(samples: Samples, known: Multipliers) -> EntryBand:
     """The band of an entry."""
-    angles, points, d, proof, complete = known
+    angles, points, d, proof, complete, _ = known
     extraction = Extraction(samples, **proof)
     _check(multipliers_fit(samples, points, d, angles.size) and extraction_fits(extraction), angles)
     return EntryBand(samples, extraction, angles, points, d, bool(complete))
 
 
-def _joined_of(samples: Samples, nodes: Nodes, known: Multipliers) -> EntryBand | DirectedBand:
-    """The band of an entry with polygons among its samples; one that was not worth it is that of the samples alone."""
-    angles, points, c, proof, complete = known
-    nodes = said(samples, nodes)
+def _directed_of(samples: Samples, nodes: Nodes, known: Multipliers) -> EntryBand | DirectedBand:
+    """The band of an entry by sums of one direction each, or with polygons among its samples."""
+    angles, points, c, proof, complete, over_nodes = known
+    nodes = said(samples, nodes) if over_nodes else NO_NODES
     samples = with_nodes(samples, nodes)
     if c.ndim != 3:
         return _entry_of(samples, known)

@@ -14,8 +14,7 @@ from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.candidates import candidates_of
 from robustid.guarantees.circle import CircleBound
-from robustid.guarantees.linear.directed import DirectedBand
-from robustid.guarantees.linear.entry_band import EntryBand, EntryBands
+from robustid.guarantees.linear.entry_band import EntryBands
 from robustid.guarantees.linear.proved_discs import ProvedDiscs
 from robustid.guarantees.linear.solved_nodes import JoinedBands
 from robustid.guarantees.nominal import as_frequencies, as_nominal, check_nominal
@@ -24,11 +23,14 @@ from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.placement import refined
 from robustid.guarantees.refinement import (
     SAME,
+    Directed,
     check_polygons,
     check_same,
+    directed_bands,
     joined_bands,
     narrowed,
     narrowed_norm,
+    narrowing_words,
     polygons_hold,
     smaller_discs,
 )
@@ -42,7 +44,8 @@ from robustid.identification import Identification, identify
 if TYPE_CHECKING:
     import control
 
-_NARROWER = 0.995  # of the width: what is worth words
+_AS_GOOD = 1.01  # times the bound of sums that use a polygon: its own
+_DIRECTED = 0.3  # of the time of a refinement: for sums of one direction each, over the samples alone
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -67,14 +70,15 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         The nominal that errors are measured from; None: the centres.
     polygons : WorstCaseError, WorstCaseOverPoles or None
         Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
-    joined : tuple of EntryBand or DirectedBand
-        As `bands`, with the polygons as further samples; empty without polygons. Of both the smaller bound holds.
+    directed : tuple of EntryBand or DirectedBand
+        As `bands`, by sums of one direction each, and with the polygons among the samples; empty before `refine`. Of both the
+        smaller bound holds.
     """
 
     omega: Real
     model: control.StateSpace | None = None
     polygons: Bounded | None = None
-    joined: tuple[EntryBand | DirectedBand, ...] = ()
+    directed: Directed = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,7 +88,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
 
     @functools.cached_property
     def _entries(self) -> EntryBands:
-        return JoinedBands(self.problem, self.joined, self._plain) if self.joined else self._plain
+        return JoinedBands(self.problem, self.directed, self._plain) if self.directed else self._plain
 
     @functools.cached_property
     def _plain(self) -> EntryBands:
@@ -224,7 +228,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             identification = identify(self.problem, time_limit=time_limit)
         thing = as_kind("identification", identification, Identification, "an Identification")
         check_same(thing.problem, self.problem)
-        plain = dataclasses.replace(self, polygons=None, joined=())
+        plain = self.by_directions(budget.share(_DIRECTED))
         about = as_nominal(self.model, thing)
         grid = candidates_of(self, self.problem, self.omega, self.box) if omega is None else omega
         return refined(self, plain, thing, about, grid, means, stated=omega is not None)
@@ -251,9 +255,15 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         added = polygons.omega[(polygons.omega >= low) & (polygons.omega <= high)]
         near = np.abs(self.omega[:, None] - added) <= SAME * self.omega[:, None]
         omega = np.union1d(self.omega[~near.any(axis=1)], added)
-        joined = joined_bands(self.bands, polygons, budget)
+        directed = joined_bands(self.bands, self.directed if self.polygons is None else (), polygons, budget)
         about = polygons.identification.problem
-        return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, joined=joined)
+        return dataclasses.replace(self, problem=about, omega=omega, polygons=polygons, directed=directed)
+
+    def by_directions(self, budget: Budget) -> Self:
+        """The band without polygons, by sums of one direction each, of the samples alone."""
+        if self.polygons is None and self.directed:
+            return self
+        return dataclasses.replace(self, polygons=None, directed=directed_bands(self.bands, budget))
 
     @property
     def circle(self) -> CircleBound:
@@ -289,35 +299,22 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     @functools.cached_property
     def narrowed(self) -> NDArray[np.bool_]:
         """Mask of the frequencies `omega` of polygons at which these bound the error by less than the samples' discs do, (F,)."""
-        solved = np.zeros(0) if self.polygons is None else self.polygons.omega
-        return (self._narrowing < 1) & np.isin(self.omega, solved)
+        sums, polygons, omega, nominal = self._discs_about(self.model, self.omega)
+        solved = narrowed(np.full_like(sums, np.inf), polygons, omega, nominal)
+        return (self._narrowing < 1) & np.any(solved <= _AS_GOOD * sums, axis=(1, 2))
 
     @functools.cached_property
     def _narrowing(self) -> Real:
-        """Bounds with polygons over those of the discs of samples alone, at `omega`, (F,)."""
-        discs = norm_of_bounds(dataclasses.replace(self, polygons=None, joined=()).upper)
+        """Bounds with all that `refine` adds over those of the discs of samples alone, at `omega`, (F,)."""
+        discs = norm_of_bounds(dataclasses.replace(self, polygons=None, directed=()).upper)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.nan_to_num(self.sigma_upper / discs, nan=1.0)
 
     @property
-    def polygon_words(self) -> str:
-        """Words on what polygons add to the discs; empty where there are none."""
-        if self.polygons is None:
-            return ""
-        asked, count = int(np.isin(self.omega, self.polygons.omega).sum()), int(self.narrowed.sum())
-        if not count:
-            return f"Semidefinite programs at {asked} of {self.omega.size} frequencies narrow the band nowhere: that of sums stands"
-        part = self._narrowing[self.narrowed]
-        least = float(self.omega[np.argmin(self._narrowing)]) / (2 * np.pi)
-        sizes = f"to {100 * np.median(part):.3g} % of its width in the median, to {100 * part.min():.3g} % at {hz_words(least)}"
-        others = self._narrowing[~np.isin(self.omega, self.polygons.omega)]
-        further = ""
-        if others.size and np.median(others) < _NARROWER:
-            further = f", with these values among its samples (to {100 * np.median(others):.3g} % in the median)"
-        return (
-            f"At {count} of {self.omega.size} frequencies a semidefinite program narrows the band ({sizes}); everywhere else the"
-            f" band of sums stands{further}"
-        )
+    def narrowing_words(self) -> str:
+        """Words on what `refine` adds to the discs; empty where there is nothing."""
+        solved = None if self.polygons is None else np.isin(self.omega, self.polygons.omega)
+        return narrowing_words(self.omega, self._narrowing, solved, self.narrowed)
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.
@@ -329,7 +326,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         exact = as_flag("exact", exact)
 
         with one_thread():
-            every = (*self.bands, *self.joined)
+            every = (*self.bands, *self.directed)
             again = [dataclasses.replace(one) for one in every]  # nothing that was computed before is taken over
             same = [np.array_equal(a.radius, b.radius) for a, b in zip(again, every, strict=True)]
             discs = all(same) and (not exact or all(map(holds_exactly, again)))
@@ -392,8 +389,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
             )
         if self.unfinished:
             lines.append(f"unfinished {self.unfinished}")
-        if self.polygons is not None:
-            lines.append(f"refined    {self.polygon_words}")
+        if self.narrowing_words:
+            lines.append(f"refined    {self.narrowing_words}")
         lines.append(
             "assumed    gain bound, decay rate, number of modes, bounds of the samples: data can refute them, never prove them"
         )

@@ -12,7 +12,7 @@ from robustid.guarantees.sweep import Known
 from robustid.identification import MixedProblem
 
 if TYPE_CHECKING:
-    import control
+    pass
 
 _GRID = 40  # further candidates, equally spaced
 _THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box
@@ -52,12 +52,6 @@ def halved(omega: Real, tried: Real) -> tuple[Real, Real]:
     known = np.full((every.size, *tried.shape[1:]), np.nan)
     known[::2] = tried
     return every, known
-
-
-def known_errors(known: Known, problem: MixedProblem, model: control.StateSpace, omega: Real) -> Real:
-    """Bounds of the errors of a model that known discs give, (F, ny, nu)."""
-    centre, radius = known.at(omega)
-    return np.abs(centre - problem.plane.values_at(model, omega)) + radius
 
 
 def shares_of(errors: Real, largest: Real) -> Real:

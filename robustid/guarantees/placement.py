@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Interruptible, Real, Stops, threads_for, was_interrupted
 from robustid.errors import InputError
-from robustid.guarantees.candidates import halved, known_errors, shares_of
+from robustid.guarantees.candidates import halved, shares_of
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
@@ -60,6 +60,10 @@ class Refinable(Known, Protocol):
         """Pole-uncertainty box that it covers."""
         ...
 
+    def error_at(self, omega: Real, model: control.StateSpace) -> Real:
+        """Return bounds of the error of a model, (F, ny, nu)."""
+        ...
+
     def between(self, polygons: Bounded, budget: Budget | None) -> Self:
         """Return it with polygons, the search between them within a budget; without one a short search."""
         ...
@@ -79,7 +83,7 @@ class Programs(abc.ABC):
         self.entries = identification.problem.entries
 
     @abc.abstractmethod
-    def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+    def solve(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
         """Find the polygons at frequencies; those that were looked at, (F,), and at least the radii there, (F, ny, nu)."""
 
     def spread(self, room: int) -> int:
@@ -90,7 +94,7 @@ class Programs(abc.ABC):
     def polygons(self) -> Bounded | None:
         """Everything that was found; None where nothing was."""
 
-    def lower(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+    def lower(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
         """Lower the largest error first, where that takes more than a polygon; what `solve` returns."""
         return omega[:0], np.zeros((0, *self.entries.shape))
 
@@ -114,7 +118,7 @@ class OfExactPoles(Programs):
         self._gap = gap_of(rtol, self._directions, self.entries.single)
         self._values: dict[float, tuple[ValueSet, ...]] = {}
 
-    def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+    def solve(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`."""
         how = self._directions, self._gap, means, self.model, known, self._least
         found = by_frequency(value_sets(self.consistent, omega, *how))
@@ -163,10 +167,10 @@ class OverBox(Programs):
         self._covers: dict[float, list[Branch]] = {}
         self._interrupted = False
 
-    def solve(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+    def solve(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`, one after the other; those that gain nothing over known discs are kept where `every` one is."""
         radii: dict[float, Real] = {}
-        error = known_errors(known, self.identification.problem, self.model, omega)
+        error = known.error_at(omega, self.model)
         share = shares_of(error, self._largest)
         first = np.argsort(-share, kind="stable")  # the largest error, before the time is over
         omega, error, share = omega[first], error[first], share[first]
@@ -199,9 +203,9 @@ class OverBox(Programs):
         """As `Programs.spread`; far from the modes one cell says it all, and takes little time."""
         return _SPREAD
 
-    def lower(self, omega: Real, known: Known, means: Means) -> tuple[Real, Real]:
+    def lower(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
         """As `Programs.lower`: cells where the error is largest, by discs or by cells, until more of them make it no smaller."""
-        error = known_errors(known, self.identification.problem, self.model, omega)
+        error = known.error_at(omega, self.model)
         share = dict(zip(omega.tolist(), shares_of(error, self._largest).tolist(), strict=True))
         seen: list[float] = []
         with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
@@ -282,7 +286,7 @@ def refined(
                 return placed(OfExactPoles(identification, model), plain, omega, means)
             found = worst_case_error(identification, model=model, omega=omega, known=band, **means.options)
             return band.between(found, means.budget)
-        largest = known_errors(plain, identification.problem, model, omega).max(axis=0)
+        largest = plain.error_at(omega, model).max(axis=0)
         budget = means.budget or Budget()
         programs = OverBox(identification, model, band.box, largest, budget, every=stated)
         if not stated:

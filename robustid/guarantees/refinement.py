@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Budget, Complex, Real, exponents_of, fingerprint, one_thread, was_interrupted
+from robustid.core import Budget, Complex, Real, exponents_of, fingerprint, hz_words, one_thread, was_interrupted
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import Entry
@@ -15,7 +16,7 @@ from robustid.guarantees.linear.directed import DirectedBand
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.linear.functions import Box, pairs_of
 from robustid.guarantees.linear.polygon_discs import hull
-from robustid.guarantees.linear.solved_nodes import Nodes, joined_band
+from robustid.guarantees.linear.solved_nodes import Nodes, joined_band, of_directions
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.pole_proofs import Cell, corners_of, union_of
 from robustid.guarantees.worst_case_result import WorstCaseError
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     import control
 
 _ROUNDING = 1e-12  # relative: of corners, and of distances from a centre
+Directed = tuple[EntryBand | DirectedBand, ...]
+_NARROWER = 0.995  # of the width: what is worth words
 SAME = 1e-9  # relative distance up to which two frequencies are one
 
 
@@ -152,14 +155,46 @@ def nodes_of(polygons: Bounded, entry: Entry) -> Nodes:
     return Nodes(polygons.problem.plane.angles(polygons.omega), *solved_discs(polygons, entry), corners)
 
 
-def joined_bands(
-    bands: tuple[EntryBand, ...], polygons: Bounded, budget: Budget | None
-) -> tuple[EntryBand | DirectedBand, ...]:
-    """The bands of the entries with certificates over samples and polygons: everywhere, between the polygons too.
+def narrowing_words(omega: Real, part: Real, solved: NDArray[np.bool_] | None, narrowed: NDArray[np.bool_]) -> str:
+    """Words on bounds that are a `part` of those of discs, at frequencies that are solved and others."""
+    others = part if solved is None else part[~solved]
+    middle = float(np.median(others)) if others.size else 1.0
+    to = f"(to {100 * middle:.3g} % in the median)" if middle < _NARROWER else ""
+    if solved is None:
+        return to and f"Sums of one direction each narrow the band {to}"
+    if not narrowed.any():
+        return (
+            f"Semidefinite programs at {solved.sum()} of {omega.size} frequencies narrow the band nowhere: that of sums stands"
+            + (to and f", one direction at a time {to}")
+        )
+    sizes, least = part[narrowed], float(omega[narrowed][np.argmin(part[narrowed])]) / (2 * np.pi)
+    widths = f"to {100 * np.median(sizes):.3g} % of its width in the median, to {100 * sizes.min():.3g} % at {hz_words(least)}"
+    return (
+        f"At {narrowed.sum()} of {omega.size} frequencies a semidefinite program narrows the band ({widths}); everywhere else the"
+        " band of sums stands" + (to and f", one direction at a time, with these values among its samples {to}")
+    )
 
-    Of one direction each, as far as the time goes; without a budget of all directions at once, which is sooner. After Ctrl-C none.
+
+def directed_bands(bands: tuple[EntryBand, ...], budget: Budget) -> Directed:
+    """The entries by certificates of one direction each, as far as the time goes; none where all of them stay as they are."""
+    with one_thread():
+        found = tuple(of_directions(one, budget.share(1 / (len(bands) - k))) for k, one in enumerate(bands))
+    return found if any(isinstance(one, DirectedBand) for one in found) else ()
+
+
+def joined_bands(
+    bands: tuple[EntryBand, ...], directed: Directed, polygons: Bounded, budget: Budget | None
+) -> Directed:
+    """The entries with certificates over samples and polygons: everywhere, between the polygons too.
+
+    From those that are `directed` on, as far as the time goes, and without a budget little farther than the polygons; after Ctrl-C
+    as they are.
     """
     if was_interrupted():
-        return ()
+        return directed
+    found: list[EntryBand | DirectedBand] = []
     with one_thread():
-        return tuple(joined_band(one, nodes_of(polygons, one.samples.entry), budget) for one in bands)
+        for k, (band, before) in enumerate(zip(bands, directed or bands, strict=True)):
+            own = None if budget is None else budget.share(1 / (len(bands) - k))
+            found.append(joined_band(band, before, nodes_of(polygons, band.samples.entry), own))
+    return tuple(found) if any(one is not band for one, band in zip(found, bands, strict=True)) else ()

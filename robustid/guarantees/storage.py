@@ -67,6 +67,7 @@ class _Entry(TypedDict):
     multipliers: Complex
     amplitudes: Arrays
     complete: bool
+    nodes: bool
 
 
 class _Plant(TypedDict):
@@ -205,22 +206,24 @@ def _band(band: Band) -> Record:
         "omega": band.omega,
         "box": band.box,
         "nominal": None if band.model is None else StateMatrices.of(band.model),
-        "entries": _entries(band.bands),
+        "entries": _entries(band.bands, band.bands),
         "polygons": band.polygons,
-        "joined": _entries(band.joined),
+        "directed": _entries(band.directed, band.bands),
     }
 
 
-def _entries(bands: tuple[EntryBand | DirectedBand, ...]) -> tuple[Record, ...]:
+def _entries(bands: tuple[EntryBand | DirectedBand, ...], plain: tuple[EntryBand, ...]) -> tuple[Record, ...]:
+    """Multipliers of bands, and whether polygons are among their samples, as they are not among those of the plain ones."""
     return tuple(
         {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
         | {"amplitudes": _amplitudes(one.extraction), "complete": one.complete}
-        for one in bands
+        | {"nodes": one.samples.angles.size > lines.samples.angles.size}
+        for one, lines in zip(bands, plain, strict=False)
     )
 
 
 def _multipliers(entries: tuple[_Entry, ...]) -> list[Multipliers]:
-    return [(one["angles"], one["points"], one["multipliers"], one["amplitudes"], one["complete"]) for one in entries]
+    return [Multipliers(**one) for one in entries]
 
 
 def _make_band(
@@ -230,11 +233,11 @@ def _make_band(
     nominal: StateMatrices | None,
     entries: tuple[_Entry, ...],
     polygons: Bounded | None,
-    joined: tuple[_Entry, ...] = (),
+    directed: tuple[_Entry, ...] = (),
 ) -> Band:
     """The band of stored multipliers: radii are not stored, but follow from them anew; certificates of polygons are evaluated."""
     model = None if nominal is None else nominal.model(problem.dt)
-    return band_of_multipliers(problem, box, omega, model, _multipliers(entries), polygons, _multipliers(joined))
+    return band_of_multipliers(problem, box, omega, model, _multipliers(entries), polygons, _multipliers(directed))
 
 
 def _amplitudes(found: Extraction) -> Arrays:

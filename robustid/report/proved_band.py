@@ -96,8 +96,8 @@ def stands_on(band: Band, error: WorstCaseError | None) -> str:
     A sweep of exact poles beside a band over a box is no part of it, and said to be none.
     """
     if error is None or band.box is None or not error.omega.size:
-        return band.polygon_words and f"{band.polygon_words}."
-    words = band.polygon_words or "The band of sums stands at every frequency"
+        return band.narrowing_words and f"{band.narrowing_words}."
+    words = band.narrowing_words or "The band of sums stands at every frequency"
     return (
         f"{words}; the numbers of the sweep at {error.omega.size} frequencies stand on exact poles and are not part of"
         " the curve."
@@ -170,7 +170,7 @@ def band_chart(identification: Identification, band: Band) -> Chart:
 @functools.lru_cache(maxsize=3)  # a page is drawn again for every frequency that is bounded, with a band that was kept
 def drawn_band(band: Band, entry: tuple[int, int] = (0, 0)) -> tuple[np.ndarray, ...]:
     """Frequencies in rad/s at which a band is drawn, its knots and the middles between them; centres, radii and errors there."""
-    knots = (band.joined or band.bands)[0].angles
+    knots = (band.directed or band.bands)[0].angles
     angles = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2]))
     omega = np.clip(band.problem.plane.omega(angles), *band.range)
     centre, radius = band.at(omega)

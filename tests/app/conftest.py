@@ -73,7 +73,10 @@ def unsharpened(monkeypatch):
 @pytest.fixture
 def unsearched(monkeypatch):
     """Semidefinite programs join a band with certificates of all directions at once: for tests of other steps, a second sooner."""
-    monkeypatch.setattr(band_result, "joined_bands", lambda bands, polygons, _: joined_bands(bands, polygons, None))
+    monkeypatch.setattr(band_result, "directed_bands", lambda bands, budget: ())
+    monkeypatch.setattr(
+        band_result, "joined_bands", lambda bands, directed, polygons, _: joined_bands(bands, directed, polygons, None)
+    )
 
 
 @pytest.fixture

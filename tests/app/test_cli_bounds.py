@@ -120,7 +120,7 @@ def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
     assert f"within {band.upper.max():.4g} of the model" in out
     whole = rid.load("bounds-band")
     assert whole.polygons.claim_count == band.claim_count
-    assert whole.polygon_words in out
+    assert whole.narrowing_words in out
     assert np.all(whole.error_at(band.omega) <= band.upper)
     before = (files / "bounds-poles.npz").read_bytes()
     (files / "bounds.npz").unlink()

@@ -89,7 +89,7 @@ def test_the_steps_are_those_done_by_hand(folder):
     for found in (result.band, rid.load(folder / "out" / "band")):  # poles are stated: the sweep bounds the same
         np.testing.assert_allclose(found.error_at(error.omega), np.minimum(sums, error.upper), rtol=1e-12)
         assert found.certified
-    assert any(result.band.polygon_words in finding for finding in result.findings)
+    assert any(result.band.narrowing_words in finding for finding in result.findings)
     assert rid.load("out/identification").margin == by_hand.margin
     assert rid.load("out/worst_case").upper.max() == error.upper.max()
 

@@ -238,8 +238,8 @@ class _Bounds:
 
         refined(work)
         if work.band is not None:
-            if work.band.polygons is not None:
-                self.said.append(f"band       {work.band.polygon_words}")
+            if work.band.narrowing_words:
+                self.said.append(f"band       {work.band.narrowing_words}")
             work.band.save(self.beside("-band"))
 
 

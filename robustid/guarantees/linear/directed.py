@@ -79,11 +79,9 @@ class Sides(Frozen):
 
     @functools.cached_property
     def twins(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Numbers of the coefficients that are complex amplitudes, and of their conjugates."""
-        at, first, conjugate = self.samples.amplitude_of, self.samples.first, self.samples.conjugate
-        own = np.flatnonzero(first & ~conjugate & ~self.reals)
-        other = {int(at[k]): int(k) for k in np.flatnonzero(first & conjugate)}
-        return own, np.array([other[int(at[k])] for k in own], dtype=int)
+        """Numbers of the complex coefficients, and of their conjugates, which stand behind them."""
+        other = np.flatnonzero(self.samples.conjugate)
+        return other - 1, other
 
 
 class Measure:
@@ -144,7 +142,7 @@ def _of_functions(sides: Sides, missed: Complex) -> Real:
     centre, radius = known.coefficients(samples)
     own, twin = sides.twins
     size = np.where(sides.reals, np.abs(missed.real), np.abs(missed))
-    size[:, :, twin] = 0  # together with the amplitude: Re(m p + m' p*) = Re((m + m'*) p)
+    size[:, :, twin] = 0  # both together: Re(m p + m' p*) = Re((m + m'*) p)
     size[:, :, own] = np.abs(missed[:, :, own] + missed[:, :, twin].conj())
     return (missed @ centre).real + size @ radius
 

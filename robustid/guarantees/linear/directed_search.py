@@ -23,9 +23,12 @@ _LENGTHS = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6])  # of a step
 _BEND = (
     0.85  # of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot
 )
-_POINTS, _FARTHER, _NODES = 16, 8, 8  # the nearest points, others ever farther apart, and the nearest polygons
+# The nearest lines, others ever farther apart, some that are spread over all of them, and the nearest polygons.
+_POINTS, _FARTHER, _SPREAD, _NODES = 3, 21, 4, 8
+_PAYS = 0.998  # of a radius: multipliers with polygons are taken where they are below, and sought farther on
 _FUNCTIONS = 12  # of the class, of each of which it is weighed what is missed; of the others together
-_FEWEST = 24  # angles, where the time is short
+_FEWEST = 24  # angles, where the time is short, and after which it is seen
+_WORTH = 0.97  # whether certificates of directions pay: of the radii of discs
 _LAST = 3  # iterates that are evaluated
 _ROUNDS = 40  # of the smallest ellipses
 _FLAT = 1e-9  # of an extent: the least one of an ellipse
@@ -36,10 +39,13 @@ Directed = tuple[NDArray[np.intp], Complex, Real]  # points (n,), multipliers (M
 Norms = tuple[Real, Real, Real]  # square - 2 cross x + x'Qx, squared, of all directions: Q, cross, square
 
 
-def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> DirectedBand | None:
+def directed_band(
+    sides: Sides, angles: Real, least: float, budget: Budget, discs: Real | None = None
+) -> DirectedBand | None:
     """Search certificates at angles, and between them where mixing loses, on arcs above `least`.
 
-    At those of the angles that there is time for, spread over all; None where it is hardly any.
+    At those of the angles that there is time for, spread over all; None where it is hardly any, or where the first ones gain little
+    over the radii of `discs` at the angles.
     """
     search, targets = DirectedSearch(sides, directions(_SIDES)), targets_at(sides.samples, angles)
     found: dict[int, Directed] = {}
@@ -48,27 +54,115 @@ def directed_band(sides: Sides, angles: Real, least: float, budget: Budget) -> D
         if budget.over:
             break
         found[k] = search.at(targets[k : k + 1])
+        if discs is not None and len(found) == _FEWEST and _gained(found, discs) > _WORTH:
+            return None
     if len(found) < min(_FEWEST, angles.size):
         return None
     places = sorted(found)
-    angles = angles[places]
     points, c, _ = map(np.array, zip(*(found[k] for k in places), strict=True))
-    band = DirectedBand(sides, angles, points, c.astype(np.complex64))
-    open_arcs = np.arange(angles.size - 1)
-    for _ in range(_HALVINGS):
-        open_arcs = open_arcs[np.diff(band.angles)[open_arcs] > least]
-        if not open_arcs.size:
+    band = DirectedBand(sides, angles[places], points, c.astype(np.complex64))
+    return _halved_arcs(search, band, np.arange(len(places) - 1), least, budget)
+
+
+def _gained(found: dict[int, Directed], discs: Real) -> float:
+    """Radii that were found over those of discs, in the median."""
+    bounds = np.array([bounds for *_, bounds in found.values()])
+    with np.errstate(invalid="ignore"):
+        return float(np.median(smallest_discs(corners_of_supports(bounds))[1] / discs[list(found)]))
+
+
+def around_nodes(before: DirectedBand, sides: Sides, nodes: Real, least: float, budget: Budget | None) -> DirectedBand:
+    """The band of the lines with polygons among its samples: at their angles, and from each of them on as far as that gains.
+
+    Without a budget at the knots beside them at most.
+    """
+    search = DirectedSearch(sides, before.turns)
+    band = _beside_nodes(before, search)
+    away = np.abs(band.angles[:, None] - nodes)
+    chosen: list[Directed] = []
+    apart = nodes[away.min(axis=0) > least]
+    for target in range(apart.size):
+        if chosen and budget is not None and budget.over:
             break
-        middle = (band.angles[open_arcs] + band.angles[open_arcs + 1]) / 2
+        chosen.append(search.at(targets_at(sides.samples, apart[target : target + 1])))
+    own = apart[: len(chosen)]
+    if chosen:
+        at = np.searchsorted(band.angles, own)
+        points, c, _ = map(np.array, zip(*chosen, strict=True))
+        band = DirectedBand(
+            sides,
+            np.insert(band.angles, at, own),
+            np.insert(band.points, at, points, axis=0),
+            np.insert(band.multipliers, at, c.astype(np.complex64), axis=0),
+        )
+    new = np.isin(band.angles, own)
+    band, changed = _outwards(search, band, new, np.abs(band.angles[:, None] - nodes).min(axis=1) <= least, budget)
+    if budget is None:
+        return band
+    if budget.seconds is not None:
+        return searched_further(band, least, budget)
+    return _halved_arcs(search, band, np.flatnonzero(changed[:-1] | changed[1:]), least, budget)
+
+
+def searched_further(band: DirectedBand, least: float, budget: Budget) -> DirectedBand:
+    """The band with more knots where mixing loses: what the time did not suffice for before."""
+    arcs = np.arange(band.angles.size - 1)
+    return _halved_arcs(DirectedSearch(band.sides, band.turns), band, arcs, least, budget)
+
+
+def _beside_nodes(before: DirectedBand, search: DirectedSearch) -> DirectedBand:
+    """The same certificates as those of lines and of the nearest nodes, which they don't use."""
+    bases = targets_at(search.sides.samples, before.angles).base.tolist()
+    nodes = np.array([search.nearest_nodes(base) for base in bases])
+    none = np.zeros((*before.multipliers.shape[:2], nodes.shape[1]), np.complex64)
+    points, c = np.concatenate([before.points, nodes], axis=1), np.concatenate([before.multipliers, none], axis=2)
+    return DirectedBand(search.sides, before.angles, points, c)
+
+
+def _outwards(
+    search: DirectedSearch, band: DirectedBand, new: NDArray[np.bool_], beside: NDArray[np.bool_], budget: Budget | None
+) -> tuple[DirectedBand, NDArray[np.bool_]]:
+    """The band with searches from `new` knots on, and those `beside` nodes, one after the other, until they don't gain.
+
+    And a mask of the knots that are others now.
+    """
+    points, c, changed, tried = np.array(band.points), np.array(band.multipliers), new.copy(), new.copy()
+    targets, radius = targets_at(band.samples, band.angles), band.radius
+    fronts = [(int(k), step) for k in np.flatnonzero(new) for step in (-1, 1)]
+    fronts += [(int(k), 0) for k in np.flatnonzero(beside & ~new)]
+    while fronts and not (budget is not None and budget.over):
+        onwards: list[tuple[int, int]] = []
+        for before, step in fronts:
+            k = before + step
+            if not 0 <= k < tried.size or tried[k] or (budget is not None and budget.over):
+                continue
+            tried[k] = True
+            chosen, multipliers, bounds = search.at(targets[k : k + 1])
+            if smallest_discs(corners_of_supports(bounds[None]))[1][0] < _PAYS * radius[k]:
+                points[k], c[k], changed[k] = chosen, multipliers, True
+                onwards += [(k, way) for way in ((step,) if step else (-1, 1))]
+        fronts = onwards if budget is not None else []
+    return DirectedBand(band.sides, band.angles, points, c), changed
+
+
+def _halved_arcs(
+    search: DirectedSearch, band: DirectedBand, arcs: NDArray[np.intp], least: float, budget: Budget
+) -> DirectedBand:
+    """The band with knots in the middle of those arcs where mixing loses, and of their halves, on arcs above `least`."""
+    for _ in range(_HALVINGS):
+        arcs = arcs[np.diff(band.angles)[arcs] > least]
+        if not arcs.size:
+            break
+        middle = (band.angles[arcs] + band.angles[arcs + 1]) / 2
         radius, between = band.radius, band.at(middle)[1]
         with np.errstate(invalid="ignore"):
-            loss = between / ((radius[open_arcs] + radius[open_arcs + 1]) / 2)
+            loss = between / ((radius[arcs] + radius[arcs + 1]) / 2)
         worst = np.argsort(-loss, kind="stable")
         worst = worst[loss[worst] > _WIDE]  # the time may end before the others
-        open_arcs, middle, between = open_arcs[worst], middle[worst], between[worst]
-        if not open_arcs.size or budget.over:
+        arcs, middle, between = arcs[worst], middle[worst], between[worst]
+        if not arcs.size or budget.over:
             break
-        band, open_arcs = _halved(search, band, open_arcs, middle, between, budget)
+        band, arcs = _halved(search, band, arcs, middle, between, budget)
     return band
 
 
@@ -119,15 +213,40 @@ class DirectedSearch:
         return self.sides.extraction.known.coefficients(self.sides.samples)[0]
 
     def nearest(self, base: complex) -> NDArray[np.intp]:
-        """Numbers of the points for a target, rising: the nearest in the hyperbolic distance, and others ever farther apart."""
-        sides, z = self.sides, self.sides.samples.nodes[: self.sides.half]
-        away = np.abs((z - base) / (1 - base.conjugate() * z))
-        away = away + (np.abs(sides.samples.v[: sides.half, sides.samples.target]) == 0)  # those do not see the entry
-        order, nodes = np.argsort(away[: sides.first_node]), np.argsort(away[sides.first_node :])[:_NODES]
-        if order.size > _POINTS + _FARTHER:
-            far = np.geomspace(_POINTS, order.size, _FARTHER + 1)[:-1].astype(int)
-            order = order[np.unique(np.concatenate([np.arange(_POINTS), far]))]
-        return np.sort(np.concatenate([order, sides.first_node + nodes]))
+        """Numbers of the points for a target, rising: the nearest lines, others ever farther apart, some of all, nodes.
+
+        By the hyperbolic distance. Those that are spread over all lines matter to targets beyond them.
+        """
+        lines = self._away(base)
+        if lines.size <= _POINTS + _FARTHER + _SPREAD:
+            return np.sort(np.concatenate([lines, self.nearest_nodes(base)]))
+        others = lines[~np.isin(lines, self._spread)]
+        far = np.geomspace(_POINTS, others.size, _FARTHER + 1)[:-1].astype(int)
+        near = others[np.unique(np.concatenate([np.arange(_POINTS), far]))]
+        return np.sort(np.concatenate([near, self._spread, self.nearest_nodes(base)]))
+
+    def nearest_nodes(self, base: complex) -> NDArray[np.intp]:
+        """Numbers of the nearest polygons."""
+        first = self.sides.first_node
+        z = self.sides.samples.nodes[first : self.sides.half]
+        return first + np.argsort(np.abs((z - base) / (1 - base.conjugate() * z)))[:_NODES]
+
+    def _away(self, base: complex) -> NDArray[np.intp]:
+        """Numbers of the lines by their distance, those behind that do not see the entry."""
+        z = self.sides.samples.nodes[: self.sides.first_node]
+        return np.argsort(np.abs((z - base) / (1 - base.conjugate() * z)) + ~self._seen)
+
+    @functools.cached_property
+    def _seen(self) -> NDArray[np.bool_]:
+        samples = self.sides.samples
+        return np.asarray(samples.v[: self.sides.first_node, samples.target] != 0)
+
+    @functools.cached_property
+    def _spread(self) -> NDArray[np.intp]:
+        """Numbers of lines that are spread over all that see the entry, the denser, the nearer to their ends."""
+        lines = np.flatnonzero(self._seen) if self._seen.sum() > _SPREAD else np.arange(self._seen.size)
+        part = (1 - np.cos(np.pi * np.linspace(0, 1, _SPREAD))) / 2
+        return lines[np.unique((part * (lines.size - 1)).round().astype(int))]
 
     def at(self, target: Targets) -> Directed:
         """The nearest points for one target, with multipliers and bounds."""
@@ -238,13 +357,16 @@ class _Smoothed:
         s, m = np.sqrt(own + d), np.sqrt(sizes + d)
         both = np.concatenate([m, m], axis=1)
         gradient = self.linear + np.concatenate([turned[0] / s, turned[1] / s], axis=1) + (missed / both) @ self.J
-        H = (self.J.T / both[:, None, :]) @ self.J
         along = missed[:, :half, None] * self.J[:half] + missed[:, half:, None] * self.J[half:]
-        H -= _BEND * (along / m[:, :, None] ** 3).swapaxes(1, 2) @ along
-        for (Q, cross, _), one in zip(self.norms, rest, strict=True):
-            pull, r = x @ Q - cross, np.sqrt(one + d[:, 0])[:, None]
+        pulls, roots = [x @ Q - cross for Q, cross, _ in self.norms], [np.sqrt(one + d[:, 0])[:, None] for one in rest]
+        # All terms of low rank in one product: these take most of the time.
+        rows = [np.broadcast_to(self.J, (len(x), *self.J.shape)), along, np.stack(pulls, axis=1)]
+        weights = [1 / both, -_BEND / m**3, -_BEND / np.concatenate(roots, axis=1) ** 3]
+        W = np.concatenate(rows, axis=1)
+        H = (W * np.concatenate(weights, axis=1)[:, :, None]).swapaxes(1, 2) @ W
+        for (Q, _, _), pull, r in zip(self.norms, pulls, roots, strict=True):
             gradient += pull / r
-            H += Q / r[:, :, None] - _BEND * (pull[:, :, None] * pull[:, None, :]) / r[:, :, None] ** 3
+            H += Q * (1 / r[:, :, None])
         H[:, at, at] += self.E[:, 0, 0] / s - _BEND * turned[0] ** 2 / s**3
         H[:, n + at, n + at] += self.E[:, 1, 1] / s - _BEND * turned[1] ** 2 / s**3
         off = -self.E[:, 0, 1] / s - _BEND * turned[0] * turned[1] / s**3

@@ -111,12 +111,12 @@ class _Knot:
             g = int(samples.amplitude_of[i])
             if i in twins.values():
                 continue
-            if sides.reals[i] or i in twins:
-                both: acb = one + missed[twins[i]].conjugate() if i in twins else one
+            both: acb = one + missed[twins[i]].conjugate() if i in twins else one
+            if samples.first[i]:
                 off = abs(both) if i in twins else abs(both.real)
                 total += (both * sums.number(complex(known.centre[g]))).real + off * float(known.radius[g])
             else:
-                total += abs(one) * largest[g] * float(samples.powers[i])
+                total += abs(both) * largest[g] * float(samples.powers[i])
         for g, most in enumerate(largest):
             total += most * float(self.target.left_out[0, g])
             column = samples.left_out[self.points, g]

@@ -62,18 +62,23 @@ class KnownErrors(NamedTuple):
         parts: list[Any] = [np.concatenate(pair)[order] for pair in zip(self, others, strict=True)]
         return KnownErrors(*parts)
 
-    def or_smaller(self, discs: KnownErrors) -> KnownErrors:
-        """Smaller sets of these and of discs that hold the same."""
-        count = int(self.supports.shape[1])
-        turns: Complex = np.exp(-2j * np.pi * np.arange(count) / max(count, 1))
-        theirs = (discs.centre[:, 0, 0, None] * turns).real + discs.radius[:, 0, 0, None]
-        smaller = self.radius < discs.radius
+    def or_smaller(self, others: KnownErrors) -> KnownErrors:
+        """Smaller sets of these and of others that hold the same."""
+        count = max(int(self.supports.shape[1]), int(others.supports.shape[1]))
+        smaller = self.radius < others.radius
         return KnownErrors(
-            np.minimum(self.bound, discs.bound),
-            np.where(smaller, self.centre, discs.centre),
-            np.minimum(self.radius, discs.radius),
-            np.fmin(self.supports, theirs),
+            np.minimum(self.bound, others.bound),
+            np.where(smaller, self.centre, others.centre),
+            np.minimum(self.radius, others.radius),
+            np.fmin(self._sides(count), others._sides(count)),
         )
+
+    def _sides(self, count: int) -> Real:
+        """Supports in so many directions, of discs where there are no others, (N, count)."""
+        if self.supports.shape[1] == count:
+            return self.supports
+        turns: Complex = np.exp(-2j * np.pi * np.arange(count) / count)
+        return (self.centre[:, 0, 0, None] * turns).real + self.radius[:, 0, 0, None]
 
     def on_arcs(self, bends: Real) -> ErrorSets:
         """Sets that hold the errors from each frequency to the next, with what they may bend away from chords, (N - 1, ny, nu)."""

@@ -15,7 +15,7 @@ from robustid.core import Budget, Complex, Real
 from robustid.guarantees.linear.amplitudes import Extraction, amplitude_targets, extract
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.directed import DirectedBand, Sides
-from robustid.guarantees.linear.directed_search import directed_band
+from robustid.guarantees.linear.directed_search import around_nodes, directed_band, searched_further
 from robustid.guarantees.linear.entry_band import EntryBand, EntryBands, apart, evaluate, first_knots, mixed
 from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.samples import Number, Samples
@@ -42,6 +42,9 @@ class Nodes(NamedTuple):
         return Nodes(self.angles[use], self.centre[use], self.radius[use], self.corners[use])
 
 
+NO_NODES = Nodes(np.zeros(0), np.zeros(0, complex), np.zeros(0), np.zeros((0, 1), complex))
+
+
 def with_nodes(samples: Samples, nodes: Nodes) -> Samples:
     """The samples with nodes behind the points, and their conjugates behind the conjugate points."""
     half, count = samples.angles.size // 2, nodes.angles.size
@@ -66,21 +69,38 @@ def said(samples: Samples, nodes: Nodes) -> Nodes:
     return nodes.only(use)
 
 
-def joined_band(band: EntryBand, nodes: Nodes, budget: Budget | None) -> EntryBand | DirectedBand:
-    """The band with certificates over lines and nodes; itself where no node has a smaller disc.
+def of_directions(band: EntryBand, budget: Budget) -> EntryBand | DirectedBand:
+    """The same entry by certificates of one direction each; itself beside samples of records, and where they do not pay."""
+    samples, extraction = band.samples, band.extraction
+    if samples.rows or not np.all(np.isfinite(extraction.known.radius)):
+        return band
+    low, high = band.angles[[0, -1]].tolist()
+    least = _APART * (high - low)
+    sides, angles = Sides(samples, extraction, NO_NODES.corners), apart(first_knots(samples, low, high), least)
+    return directed_band(sides, angles, least, budget, band.at(angles)[1]) or band
 
-    Certificates of one direction each, with the polygons of the nodes, in a budget of time. Without one, where it is over, and
-    beside samples of records, those of all directions, with the discs of the nodes: sooner, and wider.
+
+def joined_band(
+    band: EntryBand, directed: EntryBand | DirectedBand, nodes: Nodes, budget: Budget | None
+) -> EntryBand | DirectedBand:
+    """The band with certificates over lines and nodes; those that are `directed`, or more, where no node has a smaller disc.
+
+    Of one direction each, with the polygons of the nodes, from those of the lines on where they are known. Without a budget of
+    time, where it is over, and beside samples of records, those of all directions, with the discs of the nodes: sooner, and wider.
     """
     nodes = said(band.samples, nodes)
     inside = (nodes.angles >= band.angles[0]) & (nodes.angles <= band.angles[-1])
-    if not np.any(nodes.radius[inside] < _PAYS * band.at(nodes.angles[inside])[1]):
-        return band
-    found = _Search(band, nodes)
-    if not np.all(np.isfinite(found.extraction.known.radius)):
-        return band
-    directed = None if budget is None or band.samples.rows else found.directed(budget)
-    return found.band() if directed is None else directed
+    found = None
+    if np.any(nodes.radius[inside] < _PAYS * directed.at(nodes.angles[inside])[1]):
+        found = _Search(band, nodes)
+    if found is not None and np.all(np.isfinite(found.extraction.known.radius)):
+        if isinstance(directed, DirectedBand):
+            return found.around(directed, budget)
+        alone = None if budget is None or band.samples.rows else found.directed(budget)
+        return found.band() if alone is None else alone
+    if isinstance(directed, DirectedBand) and budget is not None and budget.seconds is not None:
+        return searched_further(directed, _APART * float(np.ptp(band.angles)), budget)
+    return directed
 
 
 class _Search:
@@ -153,6 +173,13 @@ class _Search:
         angles = apart(np.concatenate([first, self._nodes.angles[inside]]), self._least)
         sides = Sides(self.samples, self.extraction, self._nodes.corners)
         return directed_band(sides, angles, self._least, budget)
+
+    def around(self, directed: DirectedBand, budget: Budget | None) -> DirectedBand:
+        """Certificates of one direction each, from those of the lines on."""
+        low, high = self._plain.angles[[0, -1]]
+        inside = self._nodes.angles[(self._nodes.angles > low) & (self._nodes.angles < high)]
+        sides = Sides(self.samples, self.extraction, self._nodes.corners)
+        return around_nodes(directed, sides, inside, self._least, budget)
 
     def _of_plain(self, angles: Real) -> Multipliers:
         """Points and multipliers of the lines at angles: those of the nearest knot."""

@@ -49,7 +49,7 @@ def joined(kind, seed):
 
 
 def sides_of(found):
-    return [one for one in found.joined if isinstance(one, DirectedBand)]
+    return [one for one in found.directed if isinstance(one, DirectedBand)]
 
 
 def edges(quick, *of):
@@ -70,7 +70,7 @@ def test_a_plant_at_the_edge_is_within_every_side(kind, seed):
     plant, _, found = joined(kind, seed)
     omega = frequencies(plant, found, seed)
     values = plant.truth(omega)
-    assert len(sides_of(found)) == len(found.joined) or kind == "matrix"
+    assert len(sides_of(found)) == len(found.directed) or kind == "matrix"
     for one in sides_of(found):
         support, own = one.supports(plant.problem.plane.angles(omega)), values[:, *one.samples.entry]
         assert np.all((own[:, None] * one.turns).real <= support)
@@ -183,7 +183,7 @@ def test_sides_hold_in_ball_arithmetic_and_lower_ones_do_not(kind):
 
 def test_without_time_the_discs_around_the_polygons_stand():
     _, _, found = joined(*ONE)
-    plain = dataclasses.replace(found, polygons=None, joined=())
+    plain = dataclasses.replace(found, polygons=None, directed=())
     quick, late = plain.between(found.polygons, None), plain.between(found.polygons, Budget(1e-9))
     assert not sides_of(quick)
     assert not sides_of(late)
@@ -227,7 +227,7 @@ def _of_amplitudes(search, target, direction):
 
 def test_no_arc_is_wider_with_polygons_than_without():
     _, result, found = joined(*ONE)
-    plain = dataclasses.replace(found, polygons=None, joined=())
+    plain = dataclasses.replace(found, polygons=None, directed=())
     assert set(plain._entries.knots()) <= set(found._entries.knots())
     assert found.with_model(result.model).hinf <= plain.with_model(result.model).hinf * (1 + 1e-12)
 
@@ -244,7 +244,7 @@ CHANGES = {
 def test_files_of_other_multipliers_are_refused(tmp_path, change):
     _, _, found = joined(*ONE)
     found.save(tmp_path / "band")
-    names = {n: next(k for k in arrays_of(tmp_path / "band") if k.startswith("joined/") and k.endswith(f"0/{n}"))
+    names = {n: next(k for k in arrays_of(tmp_path / "band") if k.startswith("directed/") and k.endswith(f"0/{n}"))
              for n in ("points", "multipliers")}  # fmt: skip
 
     def changed(arrays):
