@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from robustid.advice import CommonModes
     from robustid.app.cli.screen import Terminal
     from robustid.core import Record
-    from robustid.identification import Validation
+    from robustid.data import FrequencyResponse
+    from robustid.identification import Comparison, Validation
+
+    Found = Comparison | Validation | CommonModes
 
 _FILE = "A time record, a frequency response, a model or a saved result."
 
@@ -78,7 +81,7 @@ def compare(
     words = words_of(compare, a=str(first), b=str(second), first=str(first), second=str(second), data="the measurement")
     with in_words(words):
         things = [measured(console, path, records, responses) for path in paths]
-        found: Any = _compared(console, paths, things, how, modes)
+        found = _compared(console, paths, things, how, modes)
     if not isinstance(found, Comparison | CommonModes):
         say(console, found.summary())
         if output is not None or report is not None:
@@ -113,7 +116,7 @@ def compare(
     raise typer.Exit(code)
 
 
-def _compared(console: Terminal, paths: Sequence[Path], things: list[object], how: Estimate, modes: bool) -> Any:
+def _compared(console: Terminal, paths: Sequence[Path], things: list[object], how: Estimate, modes: bool) -> Found:
     """Comparison of two things or more; responses take the place of records where modes are compared."""
     from robustid.advice import common_modes
     from robustid.identification import compare as compared
@@ -136,7 +139,7 @@ def _by_name(paths: Sequence[Path], things: Sequence[object]) -> Record:
     return dict(zip(names, things, strict=True))
 
 
-def response_of(console: Terminal, path: Path, found: object, period: int | None) -> Any:
+def response_of(console: Terminal, path: Path, found: object, period: int | None) -> FrequencyResponse:
     """The response of what was read; of records the estimate of all of them."""
     from robustid.data import FrequencyResponse, TimeRecord
     from robustid.estimation import estimate_frf
