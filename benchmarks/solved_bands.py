@@ -88,7 +88,8 @@ def judged(kind, seed):
         delay = delay_of(edge)
         polygons = rid.guarantee.worst_case_over_poles(result, *edge.box, **least, cells=1, delay=delay)
     directed = seed % 2 == 0  # certificates of one direction each; of all directions else
-    found = plain.between(polygons, Budget() if directed else None)
+    before = plain.by_directions(Budget()) if seed % 4 == 0 else plain  # from those of the lines on
+    found = before.between(polygons, Budget() if directed else None)
     low, high = found.range
     count = POINTS // (2 * result.problem.entries.count)
     omega = np.concatenate([rng.uniform(lines.min(), lines.max(), count), rng.uniform(0, edge.top, count)])
