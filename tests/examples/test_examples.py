@@ -274,7 +274,7 @@ def test_mirror_family(run, undrawn, entry):
     needs("fsm_cubespec/u_200mV_train.npy")
     pictures = [f"{kind}_{entry + 1}.png" for kind in ("band", "amplitude")]
     printed = run(load("mirror_family"), pictures, "--entries", str(entry))
-    assert printed.count("consistent, margin") == 2
+    assert printed.count(": consistent, margin") == 2
     assert printed.count(" mV: 100 % of the samples of both blocks that were used are inside") == 2
     assert "ontradicted by withheld data" not in printed
     assert "Nothing is proved between amplitude 0.2 and 0.3, nor below amplitude 0.2" in printed
