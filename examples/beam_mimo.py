@@ -29,9 +29,7 @@ class Case(NamedTuple):
 
     title: str
     band: tuple[float, float]  # Hz, of the frequency points
-    modes: (
-        int | None
-    )  # all that `suggest_kautz` finds, some of which it leaves to the gain bound; None: those that it keeps
+    modes: int | None  # all that `suggest_kautz` finds; None: without those that it leaves to the gain bound
     prior: rid.Prior
     unit: str
 
