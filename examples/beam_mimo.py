@@ -1,8 +1,8 @@
 """Measured MIMO plants: from records to a model with matrix residues, its worst-case error, and what it depends on.
 
 A beam with two piezo patches and two accelerometers, two sweeps (equal signs, opposite signs); with --fsm a steering mirror,
-three piezos and three displacements, random-phase multisine. Modes are sought entry by entry and merged: one pole pair for
-all entries, with a free residue matrix. A single mode of a structure has a residue of rank one; nothing here forces it to.
+three piezos and three displacements, random-phase multisine. Modes are sought in all entries at once: one pole pair for all,
+with a free residue matrix. A single mode of a structure has a residue of rank one; nothing here forces it to.
 Data: github flavioluiz/MIMO-FRF (BSD-2), merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded
 once, or from the folder that ROBUSTID_DATA names.
 Run: python beam_mimo.py --out folder [--fsm] [--guarantee] (the worst-case error takes some minutes)
@@ -18,11 +18,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import robustid as rid
-from robustid.advice import suggest_kautz
 from robustid.errors import DatasetNotFoundError
 
-SAME = 0.006  # relative distance below which modes of two entries are one
-LIGHT = 0.05  # damping ratio above which a pair is part of the smooth non-parametric part
+THINNED = 8  # every so manieth line shows the modes
 SPARE = 1.1  # on the factor that the bounds need
 
 
@@ -31,8 +29,7 @@ class Case(NamedTuple):
 
     title: str
     band: tuple[float, float]  # Hz, of the frequency points
-    entries: tuple[tuple[int, int], ...]  # those that modes are sought in
-    seen: int  # in how many of them a mode must show
+    modes: int | None  # all that `suggest_kautz` finds; None: without those that it leaves to the gain bound
     prior: rid.Prior
     unit: str
 
@@ -40,16 +37,14 @@ class Case(NamedTuple):
 BEAM = Case(
     "Beam: two patches to two accelerometers",
     (9.0, 68.0),
-    ((0, 0), (0, 1), (1, 0), (1, 1)),
-    3,
+    None,
     rid.Prior(gain_bound=0.05, decay_rate=1.3),
     "output per V",
 )
 MIRROR = Case(
     "Steering mirror: three voltages to three displacements",
     (100.0, 2900.0),
-    ((0, 0), (1, 1), (2, 2)),
-    1,
+    14,
     rid.Prior(gain_bound=1e-5, decay_rate=1.15),
     "m per V",
 )
@@ -82,29 +77,11 @@ def mirror():
     return rid.estimate_frf(rid.datasets.load("fsm/train"), period=8192), None
 
 
-def merged_modes(case, frf):
-    """Natural frequencies [Hz] and damping ratios of the modes that several entries show, by the median over these."""
-    found = []
-    thin = frf.band(*case.band).select(slice(None, None, 8))
-    for i, j in case.entries:
-        one = rid.FrequencyResponse(thin.omega, thin.values[:, i, j], bound=thin.bound[:, i, j], dt=frf.dt)
-        modes = suggest_kautz(one)
-        found += [
-            (w / (2 * np.pi), z, f"{i + 1}{j + 1}")
-            for w, z in zip(modes.omega, modes.damping, strict=True)
-            if z < LIGHT
-        ]
-    found.sort()
-    hz = np.array([row[0] for row in found])
-    print("Modes of the entries, merged:\n      Hz  damping in %  found in: Hz")
-    kept = []
-    for group in np.split(np.arange(hz.size), np.flatnonzero(np.diff(hz) > SAME * hz[1:]) + 1):
-        if group.size < case.seen:
-            continue
-        kept.append((np.median(hz[group]), np.median([found[k][1] for k in group])))
-        places = ", ".join(f"{found[k][2]}: {hz[k]:.2f}" for k in group)
-        print(f"{kept[-1][0]:8.2f}{100 * kept[-1][1]:14.2f}  {places}")
-    return np.array(kept).T
+def modes_of(case, frf):
+    """Natural frequencies [Hz] and damping ratios of the modes that all entries together show."""
+    found = rid.suggest_kautz(frf.band(*case.band).select(slice(None, None, THINNED)), modes=case.modes)
+    print(f"Modes of all entries:\n{found.summary()}")
+    return found.omega / (2 * np.pi), found.damping
 
 
 def thinned(case, frf, hz, damping):
@@ -185,7 +162,7 @@ def main(argv=None):
     out.mkdir(parents=True, exist_ok=True)
     print(f"{case.title}: {frf.bound.words(frf.note)}")
 
-    hz, damping = merged_modes(case, frf)
+    hz, damping = modes_of(case, frf)
     used, unused = thinned(case, frf, hz, damping)
     basis = rid.kautz(2 * np.pi * hz, damping, dt=frf.dt, delay=1)
     problem = rid.MixedProblem(frequency=used, prior=case.prior, parametric=basis)
