@@ -147,6 +147,9 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     for correction in _OF_STABLE:
         if correction == "phase in radians" and np.abs(np.angle(part.values)).max() > _FLAT:
             continue
+        # A magnitude is 0 or more, and so many decibels are a factor of 1 or more.
+        if correction == "magnitude linear" and np.abs(part.values).min() < 1 - _WHOLE:
+            continue
         if correction == "magnitude in dB" and not _DECIBELS <= np.ptp(np.abs(part.values)) <= _DYNAMIC:
             continue
         try:
