@@ -16,6 +16,7 @@ from robustid.estimation.record_parts import (
     GOOD,
     LEAST,
     RATIO,
+    SUSPECT,
     Compared,
     Signals,
     compared_parts,
@@ -25,7 +26,7 @@ from robustid.estimation.record_parts import (
 )
 
 _LOOKED = 3  # records and outputs of which the halves are looked at
-_SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
+_BETTER = 5.0  # times by which a clock must leave less
 _LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
 _EARLY = 10.0  # how many times less an output that comes earlier must leave
 _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
@@ -238,8 +239,11 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     if not (reach := max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)):
         return []
     count = _largest(part, reach, limit) - 1  # one is that of the hold
-    without, with_ = fit(used, ()), fit(used, (), shift=count)
-    if without is None or with_ is None or count < _LATE:
+    if count < _LATE or (with_ := fit(used, (), shift=count)) is None:
+        return []
+    # A search may find few poles at one shift, by chance, that it does not find at another: half of a delay costs poles, too.
+    without, half = (fit(used, (with_.poles,), shift=shift) for shift in (0, count // 2))
+    if without is None or (half is not None and half.criterion < with_.criterion):
         return []
     far = with_.part < min(least, without.part) / _EARLY and without.part > LEAST / 10
     if not (far or _simpler(with_, without)):
@@ -294,7 +298,7 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     if (
         halves is None
         or compared is None
-        or compared.ratio < _SUSPECT
+        or compared.ratio < SUSPECT
         or compared.together - compared.alone < LEAST / 10
     ):
         return []
