@@ -211,11 +211,11 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
 
 
 def _beyond(times: float) -> list[Fault]:
-    """A bound that is smaller than what one model of the whole leaves, of several lines."""
+    """A bound that is smaller than what one model of many lines leaves, of several of them."""
     if not times:
         return []
     words = (
-        f"one model of the whole leaves several lines outside their bounds, by up to {times:.3g} times them; they are inside after"
+        f"one model of many lines leaves several of them outside their bounds, by up to {times:.3g} times them; they are inside after"
         " the correction"
     )
     said = "the bounds are smaller than the noise of the response"
