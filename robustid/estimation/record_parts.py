@@ -15,7 +15,6 @@ _LINES, FEW = 500, 24  # spectral lines that are used, and needed
 # A model of two parts together leaves so many times what models of each leave, and at least so much of the output; each alone
 # leaves little.
 RATIO, LEAST, GOOD = 6.0, 1e-4, 0.05
-SUSPECT = 1.5  # ratio from which on it is looked closer
 
 
 class Signals(NamedTuple):
@@ -83,12 +82,22 @@ def compared_parts(signals: Sequence[Signals], base: Fitted) -> Compared | None:
         return None
     noise = sum(one.cost for one in models) / sum(one.spare for one in models)
     power = sum(float(np.sum(np.abs(one.output) ** 2)) for one in pieces)
-    noise = max(noise, 1e-24 * power)
-    if together.noise > SUSPECT * noise:
-        # Models of each have poles of their own: what they explain with those, one model with as many may explain together.
-        more = fitted(pieces, starts=[np.concatenate([one.poles for one in models])], orders=())
-        together = together if more is None or more.noise > together.noise else more
-    return Compared(together.noise / noise, together.part, max(one.part for one in models), models, pieces)
+    ratio = together.noise / max(noise, 1e-24 * power)
+    return Compared(ratio, together.part, max(one.part for one in models), models, pieces)
+
+
+def of_all_poles(compared: Compared) -> Compared:
+    """Parts together by one model with as many poles as those of each, where that leaves less.
+
+    What models of each explain with poles of their own, by chance or because a search found more, is no difference of the parts.
+    """
+    poles = np.concatenate([one.poles for one in compared.models])
+    more = fitted(compared.pieces, starts=[poles], orders=())
+    if more is None or more.part >= compared.together:
+        return compared
+    alone = sum(one.cost for one in compared.models) / sum(one.spare for one in compared.models)
+    ratio = min(compared.ratio, more.noise / max(alone, np.finfo(float).tiny))
+    return compared._replace(ratio=ratio, together=more.part)
 
 
 def percent(part: float) -> str:

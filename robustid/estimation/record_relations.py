@@ -16,17 +16,17 @@ from robustid.estimation.record_parts import (
     GOOD,
     LEAST,
     RATIO,
-    SUSPECT,
     Compared,
     Signals,
     compared_parts,
     fit,
+    of_all_poles,
     percent,
     shifted,
 )
 
 _LOOKED = 3  # records and outputs of which the halves are looked at
-_BETTER = 5.0  # times by which a clock must leave less
+_SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
 _LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
 _EARLY = 10.0  # how many times less an output that comes earlier must leave
 _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
@@ -126,7 +126,7 @@ def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
     if len(signals) < 2:
         return []
     compared = compared_parts(signals, base)
-    if compared is None or not compared.different:
+    if compared is None or not compared.different or not (compared := of_all_poles(compared)).different:
         return []
     count = len(signals)
     rests = [_by_others(compared, k) for k in range(count)]
@@ -298,10 +298,11 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     if (
         halves is None
         or compared is None
-        or compared.ratio < SUSPECT
+        or compared.ratio < _SUSPECT
         or compared.together - compared.alone < LEAST / 10
     ):
         return []
+    compared = of_all_poles(compared)
     evidence = f"a model of both halves leaves {percent(compared.together)} of it"
     shift = _delay_between(compared)
     length = len(halves[0].u)
@@ -310,8 +311,9 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     if lost and abs(lost) < length // 4:
         late = shifted(halves[1], lost)
         moved = compared_parts([Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
+        moved = None if moved is None else of_all_poles(moved)
     clock, ticking = _clock(one, base, period, shift / length) if shift else (0.0, None)
-    left = np.inf if ticking is None else ticking.together
+    left = np.inf if ticking is None else of_all_poles(ticking).together
     if left < min(compared.together / _BETTER, np.inf if moved is None else moved.together / _ALIKE):
         words = (
             f"{where} has another clock than the input: it is {abs(clock):.3g} {'slower' if clock > 0 else 'faster'}, so that the"
