@@ -85,12 +85,12 @@ def _beyond(frf: FrequencyResponse, models: dict[int, WholeModel]) -> float:
     """
     if beyond_bounds(models):
         return beyond_bounds(whole_models(frf, refined=True))
-    if not models or frf.omega.size <= WINDOW:
-        return 0.0
     last, largest = frf.omega.size - WINDOW, 0.0
+    if last <= 0 or not beyond_bounds(models, poor=True):
+        return 0.0
     for first in [*range(0, last, WINDOW), last]:
         part = frf.select(slice(first, first + WINDOW))
-        if beyond_bounds(whole_models(part)):
+        if beyond_bounds(whole_models(part), poor=True):
             largest = max(largest, beyond_bounds(whole_models(part, refined=True)))
     return largest
 

@@ -118,7 +118,7 @@ def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictor
     short = short or all(
         own_continuation(one) for one in u.T if np.ptp(one) > 0
     )  # the answer to a slow sine looks like a drift
-    found = [] if short else _drift(predictors, y, where)
+    found = [] if short else _drift(predictors, y, u, where)
     if record.initial == "rest" and not any(fault.kind is FaultKind.OFFSET for fault in found):
         found += _operating_point(predictor, record, y, where)
     w = predictor.innovations(y, u)
@@ -169,7 +169,7 @@ def _places(at: list[int], period: int | None) -> str:
     return f"at sample{'s' if len(at) > 1 else ''} {listed}{in_period}"
 
 
-def _drift(predictors: Predictors, y: Real, where: str) -> list[Fault]:
+def _drift(predictors: Predictors, y: Real, u: Real, where: str) -> list[Fault]:
     """Trend in time that the inputs don't explain.
 
     The predictor is that of the output less its own trend: else it would take a strong drift for a pole at 1. A trend of an input
@@ -177,7 +177,7 @@ def _drift(predictors: Predictors, y: Real, where: str) -> list[Fault]:
     """
     shapes = trends(y.size)
     predictor = predictors.of(y - shapes @ np.linalg.lstsq(shapes, y, rcond=None)[0])
-    found, unsure, left = predictors.trend_beside(y, predictor.a)
+    found, unsure, left = Predictors(u, predictors.order).trend_beside(y, predictor.a)  # with the tones of both
     slow = np.abs(np.fft.rfft(left)[1 : _SLOW + 1]) / math.sqrt(left.size)
     noise = max(predictor.noise, float(np.sqrt(np.mean(slow**2))))  # disturbances that are larger the slower they are
     sure = np.abs(found) / (noise * unsure)

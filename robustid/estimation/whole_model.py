@@ -260,10 +260,10 @@ def _own(one: WholeModel) -> tuple[Real, Real]:
     return np.sum(left * off, axis=(1, 2)) / one.variance, np.linalg.norm(off[:, :, 0], axis=1)
 
 
-def beyond_bounds(models: dict[int, WholeModel]) -> float:
+def beyond_bounds(models: dict[int, WholeModel], *, poor: bool = False) -> float:
     """Largest residual in bounds, where several lines of an entry are left farther away than errors within them do; or 0.
 
-    Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared.
+    Models that are `poor`, or too simple, leave more than errors do, and say where none is beyond its bound. Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared.
     """
     largest = 0.0
     for one in models.values():
@@ -273,7 +273,7 @@ def beyond_bounds(models: dict[int, WholeModel]) -> float:
         left = np.sort(left[left >= beside])[::-1]  # lines beside each other that are off are a mode's
         moved = np.sqrt(2 * one.variance * one.basis.shape[1] / (2 * lines))
         several = left.size > _SEVERAL and left[_SEVERAL - 1] > 1 + _SPARED * moved
-        if several and one.as_good(0.0) and one.white:
+        if several and (poor or (one.as_good(0.0) and one.white)):
             largest = max(largest, float(left[0]))
     return largest
 
