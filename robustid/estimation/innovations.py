@@ -121,9 +121,8 @@ class Predictors:
             noise=noise * size,
         )
 
-
     def trend_beside(self, y: Real, a: Real) -> Trend:
-        """Trend of ``a(q) y`` that no answer to the inputs explains: least squares of both, so that it is as unsure as their gain."""
+        """Trend of ``a(q) y`` beside the answer to the inputs: least squares of both, so that it is as unsure as their gain."""
         import scipy.linalg
         import scipy.signal
 

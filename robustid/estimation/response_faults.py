@@ -215,8 +215,8 @@ def _beyond(times: float) -> list[Fault]:
     if not times:
         return []
     words = (
-        f"one model of many lines leaves several of them outside their bounds, by up to {times:.3g} times them; they are inside after"
-        " the correction"
+        f"one model of many lines leaves several of them outside their bounds, by up to {times:.3g} times them; they are inside"
+        " after the correction"
     )
     said = "the bounds are smaller than the noise of the response"
     return [Fault(FaultKind.SMALL_BOUND, said, words, f"bound times {1.2 * times:.3g}", size=times)]

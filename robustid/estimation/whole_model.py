@@ -263,7 +263,8 @@ def _own(one: WholeModel) -> tuple[Real, Real]:
 def beyond_bounds(models: dict[int, WholeModel], *, poor: bool = False) -> float:
     """Largest residual in bounds, where several lines of an entry are left farther away than errors within them do; or 0.
 
-    Models that are `poor`, or too simple, leave more than errors do, and say where none is beyond its bound. Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared.
+    Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared. A
+    `poor` model, too simple for the response, leaves more than its errors: it shows only where none can be beyond a bound.
     """
     largest = 0.0
     for one in models.values():
