@@ -206,8 +206,11 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     used, closed = signals[:2], any(one.reference is not None for one in records)
 
     @functools.cache
+    def model(shift: int) -> Fitted | None:
+        return fit(used, (), shift=shift)
+
     def part(shift: int) -> float:
-        return _part(fit(used, (), shift=shift))
+        return _part(model(shift))
 
     # What comes too early is followed worse by models that answer later: else the first of them was a poor one.
     least = min(base.part, part(3)) if base.part > LEAST / 10 else base.part
@@ -225,13 +228,15 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
         words = f"{names} are exchanged: a stable model from the output to the input leaves {percent(swapped)} of it"
         evidence = f"from the input to the output {percent(base.part)}"
         return [Fault(FaultKind.EXCHANGED, words, evidence, "exchange", names, 0, float(np.sqrt(base.part / swapped)))]
-    if ahead < least / _EARLY and ahead < GOOD and records[0].held:
-        first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
-        # Of a short record a search may find poles after one shift, by chance, that it does not find after another.
-        if (other := fit(used, (), shift=-first)) is None or ahead < _part(fit(used, (other.poles,))) / _EARLY:
-            return [_early(where, -_largest(part, -first, _ALIKE * part(-first)), base.part, ahead)]
     if continued:  # the answer of any time is as good
         return []
+    if ahead < least / _EARLY and ahead < GOOD and records[0].held:
+        first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
+        # A search may find poles after one shift, by chance, that it does not find after another: they are tried, too.
+        others = [model(shift) for shift in (_AHEAD[0], *(-early for early in _AHEAD))]
+        tried = [one.poles for one in others if one is not None]
+        if ahead < _part(fit(used, [*tried, *(np.concatenate([base.poles, one]) for one in tried)])) / _EARLY:
+            return [_early(where, -_largest(part, -first, _ALIKE * part(-first)), base.part, ahead)]
     # A shift by less than the delay leaves a simpler plant, one by more leaves what no stable model predicts.
     if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12) or min(base.part, part(20), part(40)) > GOOD / 5:
         return []
@@ -239,7 +244,7 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     if not (reach := max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)):
         return []
     count = _largest(part, reach, limit) - 1  # one is that of the hold
-    if count < _LATE or (with_ := fit(used, (), shift=count)) is None:
+    if count < _LATE or (with_ := model(count)) is None:
         return []
     # A search may find few poles at one shift, by chance, that it does not find at another: half of a delay costs poles, too.
     without, half = (fit(used, (with_.poles,), shift=shift) for shift in (0, count // 2))

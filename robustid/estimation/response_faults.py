@@ -160,7 +160,9 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
         # In parts of each value too: a few large values, of an inverse or of what isn't in decibels, make all else small.
         if left <= min(_GOOD, before / _BETTER):
             own, others = misfit(part, relative=True)[0], max(misfit(one, relative=True)[0] for one in changed)
-            after |= {correction: left} if others <= _LESS * own else {}
+            # Of values that are powers, or logarithms, of others the largest say nothing of the rest.
+            less = 1 / _BETTER if correction.startswith("magnitude") else _LESS
+            after |= {correction: left} if others <= less * own else {}
     best = min(after, key=lambda name: after[name], default=None)
     if best is None:
         return []
