@@ -135,10 +135,11 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     if frf.bound is not None:  # what may as well be zero is no shape
         size, bound = (np.linalg.norm(one, axis=(1, 2)) for one in (frf.values, frf.bound.outer_radius))
         whole &= size > bound
-    if int(whole.sum()) < _FEWEST * (_ALIKE if related(frf) else 1) or not np.any(frf.values[whole]):
+    alike = _ALIKE if related(frf) else 1
+    if int(whole.sum()) < _FEWEST * alike or not np.any(frf.values[whole]):
         return []
     part = _representative(frf.select(whole))
-    before, poles = misfit(part)
+    before, poles = misfit(part, alike=alike)
     if jumping := _jumping(part, before):
         return jumping
     if before < _BAD:
@@ -156,18 +157,38 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
             changed = [correct(one, correction) for one in _entries(part)]
         except InputError:
             continue
-        left = max(misfit(one)[0] for one in changed)
+        left = max(misfit(one, alike=alike)[0] for one in changed)
         # In parts of each value too: a few large values, of an inverse or of what isn't in decibels, make all else small.
         if left <= min(_GOOD, before / _BETTER):
-            own, others = misfit(part, relative=True)[0], max(misfit(one, relative=True)[0] for one in changed)
+            own, *each = (misfit(one, relative=True, alike=alike)[0] for one in (part, *changed))
+            others = max(each)
             # Of values that are powers, or logarithms, of others the largest say nothing of the rest.
             less = 1 / _BETTER if correction.startswith("magnitude") else _LESS
             after |= {correction: left} if others <= less * own else {}
     best = min(after, key=lambda name: after[name], default=None)
-    if best is None:
+    if best is None or _explained(_representative(frf.select(whole), bounded=True), alike):
         return []
     words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
     return [Fault(_OF_STABLE[best], MISTAKES[best], words, best, size=before)]
+
+
+def _explained(frf: FrequencyResponse, alike: int) -> bool:
+    """Return whether stable models follow the largest entries within their bounds, rms: nothing contradicts them as they are."""
+    if frf.bound is None:
+        return False
+    for one in _entries(frf):
+        fit, bound = PoleFit(dataclasses.replace(one, bound=None), feedthrough=True), one.bound.outer_radius
+        if np.any(bound == 0):
+            return False
+        fit.weight = 1 / (bound.reshape(fit.values.shape) * np.sqrt(bound.size))
+        if fit.search(_poles(one, alike), np.zeros(1), decades=False)[0][0] > 1:
+            return False
+    return True
+
+
+def _poles(frf: FrequencyResponse, alike: int) -> int:
+    """Poles of a model: at most one for four lines that are not alike."""
+    return min(_POLES, frf.omega.size // (4 * alike)) // 2 * 2
 
 
 def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
@@ -239,12 +260,13 @@ def _entries(frf: FrequencyResponse) -> list[FrequencyResponse]:
     return [frf.entry(*divmod(int(k), nu)) for k in largest if size[k] > 0]
 
 
-def misfit(frf: FrequencyResponse, *, relative: bool = False) -> tuple[float, int]:
+def misfit(frf: FrequencyResponse, *, relative: bool = False, alike: int = 1) -> tuple[float, int]:
     """Part that the best stable model of up to 20 poles leaves of each of the largest entries, and the number of poles.
 
-    The largest part, rms, of what varies: a constant says nothing; or of each value.
+    The largest part, rms, of what varies: a constant says nothing; or of each value. So many lines that are `alike` say as much as
+    one.
     """
-    poles = min(_POLES, frf.omega.size // 4) // 2 * 2
+    poles = _poles(frf, alike)
     left = [0.0]
     for one in _entries(frf):
         fit = PoleFit(one, feedthrough=True)

@@ -13,7 +13,13 @@ pytestmark = realdata
 # one slice, 16 deviations); a machine that was measured in a loop; a dryer that warms up (7.5 deviations over the whole record, up
 # in both halves); entries that one of several inputs hides, where it alone is kept; settings that slices lose.
 THERE = {
-    "two_mass": {FaultKind.JUMP, FaultKind.SPIKE, FaultKind.UNSTATED_PERIOD, FaultKind.NOISE_ONLY},
+    "two_mass": {
+        FaultKind.JUMP,
+        FaultKind.SPIKE,
+        FaultKind.UNSTATED_PERIOD,
+        FaultKind.NOISE_ONLY,
+        FaultKind.SMALL_BOUND,  # samples 24501 to 27852: off by up to 7 bounds between 4 and 11 Hz, and by up to 31
+    },
     "beam_ring": {FaultKind.TONE, FaultKind.QUANTISED, FaultKind.UNSTATED_PERIOD, FaultKind.DRIFT},
     "fsm": {FaultKind.NO_RESPONSE},
     "fsm_200mV/test": {FaultKind.NO_RESPONSE},
@@ -40,6 +46,16 @@ ONCE = [
     ("cdplayer", (174, 631), 0, 1, 1),  # a clock, by such a search
     slow(("two_mass", (24590, 46892), 1, 0, 1), id="two_mass-24590-1"),  # late, where shorter delays leave less
     ("cdplayer", (118, 774), 0, 0, 1),  # a seam of less than the bounds of both windows
+    (
+        "cdplayer",
+        (867, 1274),
+        1,
+        1,
+        1,
+    ),  # a wrong sign of the phase, by as many unknowns as overlapping windows tell numbers
+    ("cdplayer", (1248, 1583), 1, 1, 1),  # decibels, of which one value makes all others small
+    slow(("two_mass", (10925, 49538), 1, 0, 1), id="two_mass-10925-1"),  # early, where one search found no poles
+    slow(("beam_ring", (50769, 63439), 0, 0, 1), id="beam_ring-50769-0"),  # early, of a sweep
     ("cdplayer", (653, 1093), 1, 0, 1),  # a drift that is the answer to one of the input
     slow(("beam_ring", (20019, 86493), 1, 0, 1), id="beam_ring-20019-1"),  # stuck, in a quiet part of the sweep
 ]
