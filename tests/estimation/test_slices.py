@@ -37,6 +37,7 @@ ONCE = [
     slow(("fsm_200mV/test", (8555, 15115), 2, 2, 4), id="fsm_200mV/test-8555-2"),  # feedback, after decimation
     ("cdplayer", (227, 913), 0, 0, 1),  # a seam of less than a bound
     ("fsm", (10861, 11321), 1, 1, 1),  # a line off by less than its bound and those beside it together
+    ("fsm", (1316, 2018), 2, 2, 1),  # such a line, whose own small bound was taken for one of those beside it
     ("fsm", (9914, 10864), 1, 2, 2),  # a wrong sign of the phase, by 17 lines of overlapping windows
     ("beam_ring", (34367, 34714), 1, 1, 2),  # decibels, where no line says more than its bound
     ("fsm_200mV/test", (4372, 7635), 1, 1, 4),  # decibels, of magnitudes below 1
