@@ -126,7 +126,7 @@ def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
     if len(signals) < 2:
         return []
     compared = compared_parts(signals, base)
-    if compared is None or not compared.different or not (compared := of_all_poles(compared)).different:
+    if compared is None or not compared.different:
         return []
     count = len(signals)
     rests = [_by_others(compared, k) for k in range(count)]
@@ -150,6 +150,8 @@ def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
             f"{where} answers its input {gain:.4g} times as much as that of {against}: another unit, or another range"
         )
         return [Fault(FaultKind.UNIT, words, evidence, f"times {factor:.8g}", where, odd + 1, gain)]
+    if not of_all_poles(compared).different:
+        return []
     words = (
         f"{where} answers the input in another way than that of {against}: of another plant, or the same one at another point of"
         " operation; estimate the response of each record alone"

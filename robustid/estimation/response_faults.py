@@ -166,24 +166,28 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
             less = 1 / _BETTER if correction.startswith("magnitude") else _LESS
             after |= {correction: left} if others <= less * own else {}
     best = min(after, key=lambda name: after[name], default=None)
-    if best is None or _explained(_representative(frf.select(whole), bounded=True), alike):
+    if best is None or not _contradicted(_representative(frf.select(whole), bounded=True), best, alike):
         return []
     words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
     return [Fault(_OF_STABLE[best], MISTAKES[best], words, best, size=before)]
 
 
-def _explained(frf: FrequencyResponse, alike: int) -> bool:
-    """Return whether stable models follow the largest entries within their bounds, rms: nothing contradicts them as they are."""
-    if frf.bound is None:
-        return False
-    for one in _entries(frf):
-        fit, bound = PoleFit(dataclasses.replace(one, bound=None), feedthrough=True), one.bound.outer_radius
-        if np.any(bound == 0):
-            return False
-        fit.weight = 1 / (bound.reshape(fit.values.shape) * np.sqrt(bound.size))
-        if fit.search(_poles(one, alike), np.zeros(1), decades=False)[0][0] > 1:
-            return False
-    return True
+def _contradicted(frf: FrequencyResponse, correction: str, alike: int) -> bool:
+    """Return whether a correction leaves a third in units of the bounds too; what is large and unsure says little."""
+    if frf.bound is None or np.any(frf.bound.outer_radius == 0) or correction.startswith("magnitude"):
+        return True  # bounds of a magnitude stay as they were stated
+    entries = _entries(frf)
+    before, after = (
+        max(_in_bounds(one, alike) for one in each) for each in (entries, [correct(one, correction) for one in entries])
+    )
+    return after <= before / _BETTER
+
+
+def _in_bounds(frf: FrequencyResponse, alike: int) -> float:
+    """Root mean square, in units of the bound, of what the best stable model leaves of an entry."""
+    fit, bound = PoleFit(dataclasses.replace(frf, bound=None), feedthrough=True), frf.bound.outer_radius
+    fit.weight = 1 / (bound.reshape(fit.values.shape) * np.sqrt(bound.size))
+    return float(np.sqrt(fit.search(_poles(frf, alike), np.zeros(1), decades=False)[0][0]))
 
 
 def _poles(frf: FrequencyResponse, alike: int) -> int:
