@@ -125,8 +125,10 @@ def jump(frf: FrequencyResponse, out: NDArray[np.bool_]) -> Jump | None:
 
 
 def least_step(frf: FrequencyResponse) -> float:
-    """Bounds that a step takes at least: errors that lines beside each other share step too, from one window to the next."""
-    return float(related(frf))
+    """Mean bounds of both sides that a step takes at least: errors that lines beside each other share step too, from one window
+    to the next, by what both bounds allow.
+    """
+    return 2.0 if related(frf) else 0.0
 
 
 def _jumps(one: Entry, usable: NDArray[np.intp], gaps: NDArray[np.intp], limit: float) -> Real:

@@ -9,6 +9,8 @@ from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.noise_in_inputs import WITHOUT_CONTROLLER, noise_in_inputs
 
 _LAGS = 20
+# Of an input that those lags don't make white, as many as a record tells: one sample in ten, and no more than are quick.
+_SAMPLES_A_LAG, _MOST_LAGS = 10, 1000
 _FEWEST = 400
 # Parts of a record, and the mean square of their autocorrelations, from which on it isn't random: 1 for white noise, over 22 for
 # sweeps of 1000 samples, 2 to 5 for the excitation of a CD player and for a multisine.
@@ -25,7 +27,9 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
     """Inputs that depend on the outputs; of records without reference whose inputs vary at random.
 
     Input and output are filtered so that the input is white (its autoregression of order 20): then the input is uncorrelated with
-    earlier outputs unless a controller, or an exchange of the two, ties it to them. Standard deviation 1/sqrt(T).
+    earlier outputs unless a controller, or an exchange of the two, ties it to them. Standard deviation 1/sqrt(T). Lines of a
+    multisine stay related over more lags than 20, and so to the answer to earlier ones: the correlation has to outlast the
+    longest autoregression that the record tells.
     """
     if record.reference is not None or len(record.u) < _FEWEST:
         return []
@@ -44,8 +48,7 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
                     " nothing else moves it. The response would be that of -1/controller; excite the loop, and give the reference"
                 )
                 return [Fault(FaultKind.FEEDBACK, words, where=pair, size=left)]
-            early, late = _correlations(u, y) if record.held else (0.0, 0.0)
-            if early > max(_CERTAIN, _PART * late):
+            if record.held and (early := _tied(u, y)):
                 tied.append((early, pair))
     if not tied:
         return noise_in_inputs(record) if record.held else []
@@ -58,15 +61,27 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
     return [Fault(FaultKind.FEEDBACK, words, where=pair, size=early)]
 
 
-def _correlations(u: Real, y: Real) -> tuple[float, float]:
-    """Largest correlation of the whitened input with earlier outputs, and with later ones, in standard deviations."""
+def _tied(u: Real, y: Real) -> float:
+    """Correlation of the input with earlier outputs, in standard deviations; 0 where it may as well be none."""
+    early = 0.0
+    for lags in (_LAGS, min(max(u.size // _SAMPLES_A_LAG, _LAGS), _MOST_LAGS)):
+        early, late = _correlations(u, y, lags)
+        if early <= max(_CERTAIN, _PART * late):
+            return 0.0
+    return early
+
+
+def _correlations(u: Real, y: Real, lags: int) -> tuple[float, float]:
+    """Largest correlation of the input, whitened over so many lags, with earlier outputs, and with later ones, in standard
+    deviations.
+    """
     import scipy.signal
 
-    whitening = _autoregression(u)
-    e, z = (scipy.signal.lfilter(whitening, 1, x - x.mean())[2 * _LAGS :] for x in (u, y))
+    whitening = _autoregression(u, lags)
+    e, z = (scipy.signal.lfilter(whitening, 1, x - x.mean())[2 * lags :] for x in (u, y))
     if e.std() <= _CONTINUED * u.std() or np.mean(e**4) > _PEAKED * np.mean(e**2) ** 2 or not _white_everywhere(e):
         return 0.0, 0.0
-    scale = np.sqrt(e.size) * e.std() * z.std()
+    scale = float(np.sqrt(e.size) * e.std() * z.std())
     early = [abs(float(e[lag:] @ z[:-lag])) / scale for lag in range(1, _LAGS + 1)]
     late = [abs(float(e[:-lag] @ z[lag:])) / scale for lag in range(1, _LAGS + 1)]
     return max(early), max(late)
@@ -80,12 +95,12 @@ def _white_everywhere(e: Real) -> bool:
     return float(np.mean(r**2)) * parts.shape[1] < _COLOURED
 
 
-def _autoregression(u: Real) -> Real:
+def _autoregression(u: Real, lags: int) -> Real:
     """Coefficients of the whitening filter 1 - a1 z^-1 - ..., by the Yule-Walker equations."""
     import scipy.linalg
 
     x = u - u.mean()
-    r = np.array([float(x[: x.size - lag] @ x[lag:]) for lag in range(_LAGS + 1)])
+    r = np.array([float(x[: x.size - lag] @ x[lag:]) for lag in range(lags + 1)])
     r[0] *= 1 + 1e-9
     return np.concatenate([[1.0], -scipy.linalg.solve_toeplitz(r[:-1], r[1:])])
 

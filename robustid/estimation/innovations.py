@@ -54,6 +54,14 @@ class Predictor(NamedTuple):
         return np.asarray(w - trends(len(y)) @ self.trend, dtype=float)
 
 
+class Trend(NamedTuple):
+    """Coefficients of Legendre polynomials over a record, (4,), their deviations for noise of variance 1, and what is left."""
+
+    coefficients: Real
+    unsure: Real
+    left: Real
+
+
 def trends(samples: int) -> Real:
     """Legendre polynomials (T, 4) over a record."""
     return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), _DEGREE), dtype=float)
@@ -111,6 +119,26 @@ class Predictors:
             trend=given[inputs:],
             t_values=found[n + inputs :] / (noise * spread),
             noise=noise * size,
+        )
+
+    def trend_beside(self, y: Real, a: Real) -> Trend:
+        """Trend of ``a(q) y`` beside the answer to the inputs: least squares of both, so that it is as unsure as their gain."""
+        import scipy.linalg
+        import scipy.signal
+
+        target = scipy.signal.lfilter(a, 1.0, y)[self._rows]
+        size = float(_rms(target[:, None])[0])
+        gram = self._gram.copy()
+        gram[np.diag_indices_from(gram)] += _RIDGE * self.rows
+        factor = scipy.linalg.cho_factor(gram, check_finite=False)
+        found = scipy.linalg.cho_solve(factor, self._given.T @ (target / size), check_finite=False)
+        left = (target / size - self._given @ found) * size
+        unsure = scipy.linalg.cho_solve(factor, np.eye(len(gram))[:, self._inputs :], check_finite=False)
+        columns = self._size[self._inputs :]
+        return Trend(
+            found[self._inputs :] * size / columns,
+            np.sqrt(np.diag(unsure[self._inputs :])) / columns,
+            np.asarray(left, dtype=float),
         )
 
 

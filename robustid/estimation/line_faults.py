@@ -15,7 +15,7 @@ from robustid.estimation.axis_parts import Jump, jump, unexcited
 from robustid.estimation.corrections import leaving_out, written_hz
 from robustid.estimation.local_models import FEWEST
 from robustid.estimation.outlying_lines import NARROW, Odd, contradicting, odd_values
-from robustid.estimation.whole_model import beyond_bounds, jump_of_models, odd_lines, whole_models
+from robustid.estimation.whole_model import WINDOW, WholeModel, beyond_bounds, jump_of_models, odd_lines, whole_models
 
 _TWICE = 1.5  # times the sum of their bounds, by which values at the same frequency contradict each other,
 _PART = 0.1  # or so much of their size where no bound is stated
@@ -28,7 +28,7 @@ _MAINS_HZ = (50.0, 60.0, 400.0, 16.0 + 2 / 3)
 class Cleaned(NamedTuple):
     """Faults of lines, the most telling first, the response without those lines, and without their jumps too.
 
-    `beyond` is by how many bounds several lines are off a model of the whole, if they are.
+    `beyond` is by how many bounds several lines are off a model of them all, if they are.
     """
 
     faults: list[Fault]
@@ -73,9 +73,26 @@ def _of_whole(frf: FrequencyResponse, odd: list[Odd], wrong: NDArray[np.bool_]) 
     if step is not None:
         return odd, step._replace(upper=int(lines[step.upper])), 0.0
     more = [one._replace(line=int(lines[one.line])) for one in contradicting(part, odd_lines(models))]
-    if more or not beyond_bounds(models):
+    if more:
         return sorted([*odd, *more]), None, 0.0
-    return odd, None, beyond_bounds(whole_models(part, refined=True))
+    return odd, None, _beyond(part, models)
+
+
+def _beyond(frf: FrequencyResponse, models: dict[int, WholeModel]) -> float:
+    """Largest residual of a model in bounds, where several lines are left beyond theirs; or 0.
+
+    One model of a long response lacks modes, and follows no line closely: then windows of it have a model each.
+    """
+    if beyond_bounds(models):
+        return beyond_bounds(whole_models(frf, refined=True))
+    last, largest = frf.omega.size - WINDOW, 0.0
+    if last <= 0 or not beyond_bounds(models, poor=True):
+        return 0.0
+    for first in [*range(0, last, WINDOW), last]:
+        part = frf.select(slice(first, first + WINDOW))
+        if beyond_bounds(whole_models(part), poor=True):
+            largest = max(largest, beyond_bounds(whole_models(part, refined=True)))
+    return largest
 
 
 def _excited(frf: FrequencyResponse) -> tuple[int, int]:

@@ -104,7 +104,8 @@ def contradicting(frf: FrequencyResponse, odd: Sequence[Odd]) -> list[Odd]:
     radius: Real = frf.bound.outer_radius.reshape(frf.omega.size, -1)
     kept: list[Odd] = []
     for one in odd:
-        around = radius[max(one.line - _DIP // 2, 0) : one.line + _DIP // 2 + 1, one.entry]
+        reach, own = _DIP // 2, radius[:, one.entry]
+        around = np.concatenate([own[max(one.line - reach, 0) : one.line], own[one.line + 1 :][:reach]])
         if one.bounds * radius[one.line, one.entry] > radius[one.line, one.entry] + float(np.median(around)):
             kept.append(one)
     return kept

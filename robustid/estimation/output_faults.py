@@ -172,17 +172,15 @@ def _places(at: list[int], period: int | None) -> str:
 def _drift(predictors: Predictors, y: Real, u: Real, where: str) -> list[Fault]:
     """Trend in time that the inputs don't explain.
 
-    The predictor is that of the output less its own trend: else it would take a strong drift for a pole at 1.
+    The predictor is that of the output less its own trend: else it would take a strong drift for a pole at 1. A trend of an input
+    whose slow answer the rest of the record does not tell explains that of the output.
     """
     shapes = trends(y.size)
     predictor = predictors.of(y - shapes @ np.linalg.lstsq(shapes, y, rcond=None)[0])
-    rows = shapes[predictor.a.size - 1 :]
-    w = predictor._replace(trend=np.zeros(shapes.shape[1])).innovations(y, u)
-    inverse = np.linalg.inv(rows.T @ rows)
-    found = inverse @ (rows.T @ w)
-    slow = np.abs(np.fft.rfft(w - rows @ found)[1 : _SLOW + 1]) / math.sqrt(w.size)
+    found, unsure, left = Predictors(u, predictors.order).trend_beside(y, predictor.a)  # with the tones of both
+    slow = np.abs(np.fft.rfft(left)[1 : _SLOW + 1]) / math.sqrt(left.size)
     noise = max(predictor.noise, float(np.sqrt(np.mean(slow**2))))  # disturbances that are larger the slower they are
-    sure = np.abs(found) / (noise * np.sqrt(np.diag(inverse)))
+    sure = np.abs(found) / (noise * unsure)
     size = float(np.ptp(shapes[:, 1:] @ found[1:]) / abs(predictor.a.sum())) / max(float(y.std()), np.finfo(float).tiny)
     if sure[1:].max() < _CERTAIN or size < _DRIFTS:
         return []

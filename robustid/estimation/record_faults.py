@@ -208,8 +208,8 @@ def _unmoved(records: list[TimeRecord], period: int | None, told: set[tuple[int,
         if any(answers(r, i, _repeated(r, period)) for r in records):
             continue
         words = (
-            f"{where} follows the input no more than chance does: a sensor that is not connected, or noise far above the answer;"
-            " check its cable and its range"
+            f"{where} follows the input no more than chance does: a sensor that is not connected, or something far above the"
+            " answer, noise or an input that is not given; check its cable and its range, and give all inputs"
         )
         found.append(Fault(FaultKind.NO_RESPONSE, words, where=where))
     return found

@@ -86,6 +86,20 @@ def compared_parts(signals: Sequence[Signals], base: Fitted) -> Compared | None:
     return Compared(ratio, together.part, max(one.part for one in models), models, pieces)
 
 
+def of_all_poles(compared: Compared) -> Compared:
+    """Parts together by one model with as many poles as those of each, where that leaves less.
+
+    What models of each explain with poles of their own, by chance or because a search found more, is no difference of the parts.
+    """
+    poles = np.concatenate([one.poles for one in compared.models])
+    more = fitted(compared.pieces, starts=[poles], orders=())
+    if more is None or more.part >= compared.together:
+        return compared
+    alone = sum(one.cost for one in compared.models) / sum(one.spare for one in compared.models)
+    ratio = min(compared.ratio, more.noise / max(alone, np.finfo(float).tiny))
+    return compared._replace(ratio=ratio, together=more.part)
+
+
 def percent(part: float) -> str:
     """Root of a part of the power, in words."""
     return f"{100 * float(np.sqrt(part)):.2g} %"

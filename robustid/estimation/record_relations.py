@@ -20,6 +20,7 @@ from robustid.estimation.record_parts import (
     Signals,
     compared_parts,
     fit,
+    of_all_poles,
     percent,
     shifted,
 )
@@ -149,6 +150,8 @@ def _unlike(signals: list[Signals], base: Fitted, where: str) -> list[Fault]:
             f"{where} answers its input {gain:.4g} times as much as that of {against}: another unit, or another range"
         )
         return [Fault(FaultKind.UNIT, words, evidence, f"times {factor:.8g}", where, odd + 1, gain)]
+    if not of_all_poles(compared).different:
+        return []
     words = (
         f"{where} answers the input in another way than that of {against}: of another plant, or the same one at another point of"
         " operation; estimate the response of each record alone"
@@ -205,8 +208,11 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     used, closed = signals[:2], any(one.reference is not None for one in records)
 
     @functools.cache
+    def model(shift: int) -> Fitted | None:
+        return fit(used, (), shift=shift)
+
     def part(shift: int) -> float:
-        return _part(fit(used, (), shift=shift))
+        return _part(model(shift))
 
     # What comes too early is followed worse by models that answer later: else the first of them was a poor one.
     least = min(base.part, part(3)) if base.part > LEAST / 10 else base.part
@@ -224,13 +230,15 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
         words = f"{names} are exchanged: a stable model from the output to the input leaves {percent(swapped)} of it"
         evidence = f"from the input to the output {percent(base.part)}"
         return [Fault(FaultKind.EXCHANGED, words, evidence, "exchange", names, 0, float(np.sqrt(base.part / swapped)))]
-    if ahead < least / _EARLY and ahead < GOOD and records[0].held:
-        first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
-        # Of a short record a search may find poles after one shift, by chance, that it does not find after another.
-        if (other := fit(used, (), shift=-first)) is None or ahead < _part(fit(used, (other.poles,))) / _EARLY:
-            return [_early(where, -_largest(part, -first, _ALIKE * part(-first)), base.part, ahead)]
     if continued:  # the answer of any time is as good
         return []
+    if ahead < least / _EARLY and ahead < GOOD and records[0].held:
+        first = next(shift for shift in _AHEAD if part(-shift) < max(_ALIKE * ahead, base.part / _EARLY**2))
+        # A search may find poles after one shift, by chance, that it does not find after another: they are tried, too.
+        others = [model(shift) for shift in (_AHEAD[0], *(-early for early in _AHEAD))]
+        tried = [one.poles for one in others if one is not None]
+        if ahead < _part(fit(used, [*tried, *(np.concatenate([base.poles, one]) for one in tried)])) / _EARLY:
+            return [_early(where, -_largest(part, -first, _ALIKE * part(-first)), base.part, ahead)]
     # A shift by less than the delay leaves a simpler plant, one by more leaves what no stable model predicts.
     if part(_LATE + 1) > _CLOSE * max(base.part, 1e-12) or min(base.part, part(20), part(40)) > GOOD / 5:
         return []
@@ -238,8 +246,11 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     if not (reach := max((s for s in (_LATE + 1, 20, 40, 80) if part(s) <= limit), default=0)):
         return []
     count = _largest(part, reach, limit) - 1  # one is that of the hold
-    without, with_ = fit(used, ()), fit(used, (), shift=count)
-    if without is None or with_ is None or count < _LATE:
+    if count < _LATE or (with_ := model(count)) is None:
+        return []
+    # A search may find few poles at one shift, by chance, that it does not find at another: half of a delay costs poles, too.
+    without, half = (fit(used, (with_.poles,), shift=shift) for shift in (0, count // 2))
+    if without is None or (half is not None and half.criterion < with_.criterion):
         return []
     far = with_.part < min(least, without.part) / _EARLY and without.part > LEAST / 10
     if not (far or _simpler(with_, without)):
@@ -298,6 +309,7 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
         or compared.together - compared.alone < LEAST / 10
     ):
         return []
+    compared = of_all_poles(compared)
     evidence = f"a model of both halves leaves {percent(compared.together)} of it"
     shift = _delay_between(compared)
     length = len(halves[0].u)
@@ -306,8 +318,9 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     if lost and abs(lost) < length // 4:
         late = shifted(halves[1], lost)
         moved = compared_parts([Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
+        moved = None if moved is None else of_all_poles(moved)
     clock, ticking = _clock(one, base, period, shift / length) if shift else (0.0, None)
-    left = np.inf if ticking is None else ticking.together
+    left = np.inf if ticking is None else of_all_poles(ticking).together
     if left < min(compared.together / _BETTER, np.inf if moved is None else moved.together / _ALIKE):
         words = (
             f"{where} has another clock than the input: it is {abs(clock):.3g} {'slower' if clock > 0 else 'faster'}, so that the"

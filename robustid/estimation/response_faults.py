@@ -135,10 +135,11 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     if frf.bound is not None:  # what may as well be zero is no shape
         size, bound = (np.linalg.norm(one, axis=(1, 2)) for one in (frf.values, frf.bound.outer_radius))
         whole &= size > bound
-    if int(whole.sum()) < _FEWEST * (_ALIKE if related(frf) else 1) or not np.any(frf.values[whole]):
+    alike = _ALIKE if related(frf) else 1
+    if int(whole.sum()) < _FEWEST * alike or not np.any(frf.values[whole]):
         return []
     part = _representative(frf.select(whole))
-    before, poles = misfit(part)
+    before, poles = misfit(part, alike=alike)
     if jumping := _jumping(part, before):
         return jumping
     if before < _BAD:
@@ -147,22 +148,51 @@ def _stable(frf: FrequencyResponse) -> list[Fault]:
     for correction in _OF_STABLE:
         if correction == "phase in radians" and np.abs(np.angle(part.values)).max() > _FLAT:
             continue
+        # A magnitude is 0 or more, and so many decibels are a factor of 1 or more.
+        if correction == "magnitude linear" and np.abs(part.values).min() < 1 - _WHOLE:
+            continue
         if correction == "magnitude in dB" and not _DECIBELS <= np.ptp(np.abs(part.values)) <= _DYNAMIC:
             continue
         try:
             changed = [correct(one, correction) for one in _entries(part)]
         except InputError:
             continue
-        left = max(misfit(one)[0] for one in changed)
+        left = max(misfit(one, alike=alike)[0] for one in changed)
         # In parts of each value too: a few large values, of an inverse or of what isn't in decibels, make all else small.
         if left <= min(_GOOD, before / _BETTER):
-            own, others = misfit(part, relative=True)[0], max(misfit(one, relative=True)[0] for one in changed)
-            after |= {correction: left} if others <= _LESS * own else {}
+            own, *each = (misfit(one, relative=True, alike=alike)[0] for one in (part, *changed))
+            others = max(each)
+            # Of values that are powers, or logarithms, of others the largest say nothing of the rest.
+            less = 1 / _BETTER if correction.startswith("magnitude") else _LESS
+            after |= {correction: left} if others <= less * own else {}
     best = min(after, key=lambda name: after[name], default=None)
-    if best is None:
+    if best is None or not _contradicted(_representative(frf.select(whole), bounded=True), best, alike):
         return []
     words = f"a stable model of {poles} poles leaves {100 * before:.2g} % of it, {100 * after[best]:.2g} % after the correction"
     return [Fault(_OF_STABLE[best], MISTAKES[best], words, best, size=before)]
+
+
+def _contradicted(frf: FrequencyResponse, correction: str, alike: int) -> bool:
+    """Return whether a correction leaves a third in units of the bounds too; what is large and unsure says little."""
+    if frf.bound is None or np.any(frf.bound.outer_radius == 0) or correction.startswith("magnitude"):
+        return True  # bounds of a magnitude stay as they were stated
+    entries = _entries(frf)
+    before, after = (
+        max(_in_bounds(one, alike) for one in each) for each in (entries, [correct(one, correction) for one in entries])
+    )
+    return after <= before / _BETTER
+
+
+def _in_bounds(frf: FrequencyResponse, alike: int) -> float:
+    """Root mean square, in units of the bound, of what the best stable model leaves of an entry."""
+    fit, bound = PoleFit(dataclasses.replace(frf, bound=None), feedthrough=True), frf.bound.outer_radius
+    fit.weight = 1 / (bound.reshape(fit.values.shape) * np.sqrt(bound.size))
+    return float(np.sqrt(fit.search(_poles(frf, alike), np.zeros(1), decades=False)[0][0]))
+
+
+def _poles(frf: FrequencyResponse, alike: int) -> int:
+    """Poles of a model: at most one for four lines that are not alike."""
+    return min(_POLES, frf.omega.size // (4 * alike)) // 2 * 2
 
 
 def _jumping(frf: FrequencyResponse, before: float) -> list[Fault]:
@@ -208,12 +238,12 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
 
 
 def _beyond(times: float) -> list[Fault]:
-    """A bound that is smaller than what one model of the whole leaves, of several lines."""
+    """A bound that is smaller than what one model of many lines leaves, of several of them."""
     if not times:
         return []
     words = (
-        f"one model of the whole leaves several lines outside their bounds, by up to {times:.3g} times them; they are inside after"
-        " the correction"
+        f"one model of many lines leaves several of them outside their bounds, by up to {times:.3g} times them; they are inside"
+        " after the correction"
     )
     said = "the bounds are smaller than the noise of the response"
     return [Fault(FaultKind.SMALL_BOUND, said, words, f"bound times {1.2 * times:.3g}", size=times)]
@@ -234,12 +264,13 @@ def _entries(frf: FrequencyResponse) -> list[FrequencyResponse]:
     return [frf.entry(*divmod(int(k), nu)) for k in largest if size[k] > 0]
 
 
-def misfit(frf: FrequencyResponse, *, relative: bool = False) -> tuple[float, int]:
+def misfit(frf: FrequencyResponse, *, relative: bool = False, alike: int = 1) -> tuple[float, int]:
     """Part that the best stable model of up to 20 poles leaves of each of the largest entries, and the number of poles.
 
-    The largest part, rms, of what varies: a constant says nothing; or of each value.
+    The largest part, rms, of what varies: a constant says nothing; or of each value. So many lines that are `alike` say as much as
+    one.
     """
-    poles = min(_POLES, frf.omega.size // 4) // 2 * 2
+    poles = _poles(frf, alike)
     left = [0.0]
     for one in _entries(frf):
         fit = PoleFit(one, feedthrough=True)

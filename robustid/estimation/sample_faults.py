@@ -16,6 +16,7 @@ _ALIKE = 1e-3  # part of the other samples that may be as the one before
 _STUCK_LEAST, _STUCK_RATIO = 20, 10  # samples in a row that are the same, and how many times as many as elsewhere
 _FALSE_ALARM = 1e-4  # in one signal
 _RUN = 4  # samples in a row that are the same, at least
+_AROUND = 1000  # samples on either side of them
 _STILL = 0.1  # part of the samples in which the input may keep its value
 _LEAVES = 3  # steps of the resolution by which a signal goes on after it was held
 _ENTERED = 2  # times the usual step, into and out of samples that were filled
@@ -107,9 +108,7 @@ def _held(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.ndar
     samples = signal.size
     if counts.size < 3 or counts.max() < _RUN or np.mean(np.all(u[1:] == u[:-1], axis=1)) > _STILL:
         return []
-    # Chance of a sample that is as the one before, by the shortest runs: the others may be the fault.
-    alike = max(float(np.sum(counts[counts < _RUN] - 1)) / samples, 1 / samples)
-    least = max(_RUN, 1 + math.ceil(math.log(_FALSE_ALARM / samples) / math.log(alike))) if alike < 1 else samples + 1
+    least = _longest_by_chance(starts, counts, samples)
     steps = np.abs(np.diff(signal))
     moving = steps[steps > 0]
     resolution, usual = float(moving.min()), float(np.median(moving))
@@ -137,6 +136,19 @@ def _held(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.ndar
         f" {first} on: samples were lost and filled in; leave those stretches out, or measure again"
     )
     return [Fault(FaultKind.LOST, words, where=where, size=total)]
+
+
+def _longest_by_chance(starts: np.ndarray, counts: np.ndarray, samples: int) -> Real:
+    """Samples in a row, from which on it is no chance that they are the same, for every stretch.
+
+    The chance of a sample that is as the one before is that of all, or that around the stretch where it is larger: a sweep has
+    quiet parts. It is told by the shortest stretches: the others may be the fault.
+    """
+    again = np.concatenate([[0], np.cumsum(np.repeat(np.where(counts < _RUN, (counts - 1) / counts, 0.0), counts))])
+    low, high = np.maximum(starts - _AROUND, 0), np.minimum(starts + counts + _AROUND, samples)
+    alike = np.maximum((again[high] - again[low]) / (high - low), max(again[-1], 1.0) / samples)
+    by_chance = 1 + np.ceil(math.log(_FALSE_ALARM / samples) / np.log(np.minimum(alike, 1 - 1 / samples)))
+    return np.maximum(by_chance, _RUN)
 
 
 def in_steps(signal: Real, u: Real, where: str) -> list[Fault]:

@@ -30,7 +30,7 @@ _AS_GOOD, _UNCERTAIN = (
 )  # times the noise that local models find, and deviations of it: the model is one of the whole entry
 _STEPS = 40  # of least squares, after the poles are relocated: what relocation leaves is not noise
 _EDGE = 6  # lines on either side of a jump
-_WINDOW = 256  # lines around such a place that refined models follow: modes farther away are smooth there
+WINDOW = 256  # lines around such a place that refined models follow: modes farther away are smooth there
 _NEAR = 2  # lines beside the most likely place of a jump, where it may be as well
 _PART = 0.5  # of a bound, that a jump takes in both parts at least
 _KNOWN = 1e-6  # part of what a change moves that the model doesn't follow
@@ -260,10 +260,11 @@ def _own(one: WholeModel) -> tuple[Real, Real]:
     return np.sum(left * off, axis=(1, 2)) / one.variance, np.linalg.norm(off[:, :, 0], axis=1)
 
 
-def beyond_bounds(models: dict[int, WholeModel]) -> float:
+def beyond_bounds(models: dict[int, WholeModel], *, poor: bool = False) -> float:
     """Largest residual in bounds, where several lines of an entry are left farther away than errors within them do; or 0.
 
-    Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared.
+    Errors of at most a bound move a model of least squares by what its parameters take: three deviations of that are spared. A
+    `poor` model, too simple for the response, leaves more than its errors: it shows only where none can be beyond a bound.
     """
     largest = 0.0
     for one in models.values():
@@ -273,7 +274,7 @@ def beyond_bounds(models: dict[int, WholeModel]) -> float:
         left = np.sort(left[left >= beside])[::-1]  # lines beside each other that are off are a mode's
         moved = np.sqrt(2 * one.variance * one.basis.shape[1] / (2 * lines))
         several = left.size > _SEVERAL and left[_SEVERAL - 1] > 1 + _SPARED * moved
-        if several and one.as_good(0.0) and one.white:
+        if several and (poor or (one.as_good(0.0) and one.white)):
             largest = max(largest, float(left[0]))
     return largest
 
@@ -295,11 +296,11 @@ def jump_of_models(models: dict[int, WholeModel], frf: FrequencyResponse) -> Jum
 
     @functools.cache
     def plain(k: int, first: int) -> WholeModel | None:
-        return _whole(_entry(frf, k).select(slice(first, first + _WINDOW)), True)
+        return _whole(_entry(frf, k).select(slice(first, first + WINDOW)), True)
 
     looked_at = set[int]()
     for peak in _peaks(evidence):
-        first = max(min(peak - _WINDOW // 2, lines - _WINDOW), 0)
+        first = max(min(peak - WINDOW // 2, lines - WINDOW), 0)
         for upper in _beside(peak, lines):
             if upper in looked_at:
                 continue
@@ -355,7 +356,7 @@ def _needed(
     """
     slope: Complex = 1j * one.omega / one.omega[-1]
     best, most = np.ones(one.omega.size, complex), 0.0
-    window = slice(first, first + _WINDOW)
+    window = slice(first, first + WINDOW)
     orders = [order for order in _ORDERS if plain.order // 2 <= order <= plain.order]
     for _ in range(_SIZES):
         change: Complex = np.exp(size * slope) if delayed else np.full(slope.size, 1 + size, complex)

@@ -176,6 +176,18 @@ def test_sweeps_of_an_open_loop_are_no_feedback(seeds):
         assert "feedback" not in [fault.kind for fault in faults]
 
 
+@pytest.mark.parametrize("seed", [0, *map(slow, range(1, 8))])
+def test_lines_of_a_multisine_that_a_slow_plant_answers_are_no_feedback(seed):
+    """They are related over more lags than short autoregressions see, and so are later inputs to what earlier ones made."""
+    play = rid.prepare.multisine(band_hz=(11, 250), period=2500, dt=4e-4, minimise_crest=False, seed=seed)
+    rng, u = np.random.default_rng(seed), np.tile(play.u[0], (8, 1))
+    u = u + 0.05 * u.std() * rng.standard_normal(u.shape)
+    y = scipy.signal.lfilter([0, 1e-2], [1, -1.995, 0.9951], u, axis=0)[-4900:]
+    u, y = u[-4900:], y + 0.02 * y.std() * rng.standard_normal(y.shape)
+    faults = rid.prepare.record_faults(rid.TimeRecord(u, y, dt=4e-4, initial="free"))
+    assert "feedback" not in [fault.kind for fault in faults]
+
+
 @pytest.mark.realdata
 def test_the_loop_of_the_cd_player_is_found():
     faults = rid.prepare.record_faults(rid.datasets.load("cdplayer"))

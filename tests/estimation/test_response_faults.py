@@ -11,6 +11,7 @@ from robustid.errors import InputError
 from robustid.estimation.frf import response_alone
 from robustid.estimation.outlying_lines import related
 from robustid.prepare import correct, response_faults
+from support.cases import slow
 from support.fault_plants import simulated
 
 HZ = 2 * np.pi
@@ -46,6 +47,33 @@ def test_a_line_that_is_off_is_named_with_its_place_and_size_and_leaving_it_out_
     rest = correct(changed(frf, 120, 0.1), fault.correction)
     assert response_faults(rest) == ()
     assert np.array_equal(rest.omega, np.delete(frf.omega, 120))
+
+
+@pytest.mark.parametrize("below", [False, True])
+def test_magnitudes_below_one_were_no_plain_numbers(below):
+    """So many decibels of a plain number, which is 0 or more, are a factor of 1 or more."""
+    omega = np.arange(1.0, 201)
+    number = plant(omega, half_width=2)
+    values = 10 ** ((-1 if below else 1) * 40 * np.abs(number) / np.abs(number).max() / 20)
+    frf = rid.FrequencyResponse(omega, values * np.exp(1j * np.angle(number)))
+    assert ("magnitude linear" in [fault.correction for fault in response_faults(frf)]) is not below
+
+
+def many_modes(seed, *, lines=1200, apart=75.0, small=1.0):
+    """More modes than a model of 20 poles holds; of the errors of one line in ten the bound is `small` times too small."""
+    rng, omega = np.random.default_rng(seed), np.arange(1.0, lines + 1)
+    modes = [(w, rng.uniform(0.5, 1) * (-1) ** k) for k, w in enumerate(np.arange(apart / 2, lines, apart))]
+    s = 1j * omega
+    values = sum(gain * w / (s**2 + 4 * s + w**2) for w, gain in modes)
+    error = 1e-4 * (rng.standard_normal(lines) + 1j * rng.standard_normal(lines)) / np.sqrt(2)
+    error[rng.random(lines) < 0.1] *= small
+    return rid.FrequencyResponse(omega, values + error, bound=4e-4)
+
+
+@pytest.mark.parametrize("seed", [0, *map(slow, range(1, 6))])
+def test_bounds_of_a_long_response_that_are_too_small_are_told(seed):
+    assert response_faults(many_modes(seed)) == ()
+    assert FaultKind.SMALL_BOUND in [fault.kind for fault in response_faults(many_modes(seed, small=4.0))]
 
 
 def test_lines_beside_each_other_and_at_the_ends_do_not_hide_each_other():
