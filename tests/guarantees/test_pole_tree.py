@@ -139,7 +139,7 @@ def test_cells_of_which_nothing_is_known_are_no_polygons(monkeypatch):
     monkeypatch.setattr(pole_tree, "looked_at", lambda *_: None)
     found, omega = identified(), np.array([BESIDE, PEAK])
     programs = placement.OverBox(found, found.model, BOX, np.ones((1, 1)), Budget())
-    discs = types.SimpleNamespace(at=lambda omega: (np.zeros((omega.size, 1, 1)), np.ones((omega.size, 1, 1))))
+    discs = types.SimpleNamespace(error_at=lambda omega, model: np.ones((omega.size, 1, 1)))
     seen, radius = programs.lower(omega, discs, Means())
     assert seen.size == radius.size == 0
     assert programs.polygons() is None

@@ -180,6 +180,9 @@ def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
         def at(self, omega):
             return band.at(omega)[0], 1e-6 + 0 * band.at(omega)[1]
 
+        def error_at(self, omega, model):
+            return band.error_at(omega, model)
+
     seen, radius = programs.solve(AT[:2], Small(), Means())
     np.testing.assert_array_equal(seen, AT[:2])
     assert programs.polygons() is None
