@@ -187,7 +187,9 @@ def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
     np.testing.assert_array_equal(seen, AT[:2])
     assert programs.polygons() is None
     assert np.all(radius > 1e-6)
-    monkeypatch.setattr(placement.OverBox, "lower", placement.Programs.lower)  # the largest error is lowered by less too
+    monkeypatch.setattr(
+        placement.OverBox, "lower", placement.Programs.lower
+    )  # the largest error is lowered by less too
     found = band.refine(identified())
     if found.polygons is not None:
         own = found.at(found.polygons.omega)[1]
