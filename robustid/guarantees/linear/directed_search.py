@@ -20,9 +20,8 @@ _SIDES = 16  # directions
 # steps would be needed.
 _LEVELS = np.geomspace(2, 0.02, 16).tolist()
 _LENGTHS = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6])  # of a step
-_BEND = (
-    0.85  # of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot
-)
+# Of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot.
+_BEND = 0.85
 # The nearest lines, others ever farther apart, some that are spread over all of them, and the nearest polygons.
 _POINTS, _FARTHER, _SPREAD, _NODES = 3, 21, 4, 8
 _PAYS = 0.998  # of a radius: multipliers with polygons are taken where they are below, and sought farther on
@@ -78,30 +77,34 @@ def around_nodes(before: DirectedBand, sides: Sides, nodes: Real, least: float, 
     """
     search = DirectedSearch(sides, before.turns)
     band = _beside_nodes(before, search)
-    away = np.abs(band.angles[:, None] - nodes)
-    chosen: list[Directed] = []
-    apart = nodes[away.min(axis=0) > least]
-    for target in range(apart.size):
-        if chosen and budget is not None and budget.over:
-            break
-        chosen.append(search.at(targets_at(sides.samples, apart[target : target + 1])))
-    own = apart[: len(chosen)]
-    if chosen:
-        at = np.searchsorted(band.angles, own)
-        points, c, _ = map(np.array, zip(*chosen, strict=True))
-        band = DirectedBand(
-            sides,
-            np.insert(band.angles, at, own),
-            np.insert(band.points, at, points, axis=0),
-            np.insert(band.multipliers, at, c.astype(np.complex64), axis=0),
-        )
-    new = np.isin(band.angles, own)
-    band, changed = _outwards(search, band, new, np.abs(band.angles[:, None] - nodes).min(axis=1) <= least, budget)
+    apart = nodes[np.abs(band.angles[:, None] - nodes).min(axis=0) > least]
+    band, new = _with_knots(search, band, apart, budget)
+    beside = np.abs(band.angles[:, None] - nodes).min(axis=1) <= least
+    band, changed = _outwards(search, band, new, beside & ~new, budget)
     if budget is None:
         return band
     if budget.seconds is not None:
         return searched_further(band, least, budget)
     return _halved_arcs(search, band, np.flatnonzero(changed[:-1] | changed[1:]), least, budget)
+
+
+def _with_knots(
+    search: DirectedSearch, band: DirectedBand, angles: Real, budget: Budget | None
+) -> tuple[DirectedBand, NDArray[np.bool_]]:
+    """The band with further knots, of which one is searched at least, and a mask of these."""
+    chosen: list[Directed] = []
+    for k in range(angles.size):
+        if chosen and budget is not None and budget.over:
+            break
+        chosen.append(search.at(targets_at(band.samples, angles[k : k + 1])))
+    if not chosen:
+        return band, np.zeros(band.angles.size, bool)
+    own = angles[: len(chosen)]
+    at = np.searchsorted(band.angles, own)
+    points, c, _ = map(np.array, zip(*chosen, strict=True))
+    new = np.insert(np.zeros(band.angles.size, bool), at, True)
+    rows = np.insert(band.points, at, points, axis=0), np.insert(band.multipliers, at, c.astype(np.complex64), axis=0)
+    return DirectedBand(band.sides, np.insert(band.angles, at, own), *rows), new
 
 
 def searched_further(band: DirectedBand, least: float, budget: Budget) -> DirectedBand:
@@ -129,7 +132,7 @@ def _outwards(
     points, c, changed, tried = np.array(band.points), np.array(band.multipliers), new.copy(), new.copy()
     targets, radius = targets_at(band.samples, band.angles), band.radius
     fronts = [(int(k), step) for k in np.flatnonzero(new) for step in (-1, 1)]
-    fronts += [(int(k), 0) for k in np.flatnonzero(beside & ~new)]
+    fronts += [(int(k), 0) for k in np.flatnonzero(beside)]
     while fronts and not (budget is not None and budget.over):
         onwards: list[tuple[int, int]] = []
         for before, step in fronts:
