@@ -32,11 +32,8 @@ if TYPE_CHECKING:
 _MOST, _ROUND = 40, 8  # frequencies, and of these so many before the next are chosen
 _MOST_OF_CELLS, _ROUND_OF_CELLS, _SPREAD = 32, 4, 14  # the same over a box, and those that are spread over all
 _MANY = 4  # entries: of more all frequencies are chosen at once, since the search between them takes as long as they do
-_MOST_IN_TIME, _LESS = (
-    160,
-    1.02,
-)  # the same where there is a limit of time, at exact poles; and halfway between the candidates
-_GAIN = 1.05  # times the radius of the polygon: discs that are smaller are good enough
+_MOST_IN_TIME = 160  # the same where there is a limit of time, at exact poles
+_GAIN, _LESS = 1.05, 1.02  # times a polygon's radius: smaller discs are good enough; and halfway between the candidates
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
 _CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
 _FURTHER = 2  # cells at once, where the error is largest

@@ -187,8 +187,7 @@ def joined_bands(
 ) -> Directed:
     """The entries with certificates over samples and polygons: everywhere, between the polygons too.
 
-    From those that are `directed` on, as far as the time goes, and without a budget little farther than the polygons; after Ctrl-C
-    as they are.
+    From those that are `directed` on, as far as the time goes; after Ctrl-C as they are.
     """
     if was_interrupted():
         return directed

@@ -70,31 +70,26 @@ def _gained(found: dict[int, Directed], discs: Real) -> float:
         return float(np.median(smallest_discs(corners_of_supports(bounds))[1] / discs[list(found)]))
 
 
-def around_nodes(before: DirectedBand, sides: Sides, nodes: Real, least: float, budget: Budget | None) -> DirectedBand:
-    """The band of the lines with polygons among its samples: at their angles, and from each of them on as far as that gains.
-
-    Without a budget at the knots beside them at most.
-    """
+def around_nodes(before: DirectedBand, sides: Sides, nodes: Real, least: float, budget: Budget) -> DirectedBand:
+    """The band of the lines with polygons among its samples: at their angles, and from each of them on as far as that gains."""
     search = DirectedSearch(sides, before.turns)
     band = _beside_nodes(before, search)
     apart = nodes[np.abs(band.angles[:, None] - nodes).min(axis=0) > least]
     band, new = _with_knots(search, band, apart, budget)
     beside = np.abs(band.angles[:, None] - nodes).min(axis=1) <= least
     band, changed = _outwards(search, band, new, beside & ~new, budget)
-    if budget is None:
-        return band
     if budget.seconds is not None:
         return searched_further(band, least, budget)
     return _halved_arcs(search, band, np.flatnonzero(changed[:-1] | changed[1:]), least, budget)
 
 
 def _with_knots(
-    search: DirectedSearch, band: DirectedBand, angles: Real, budget: Budget | None
+    search: DirectedSearch, band: DirectedBand, angles: Real, budget: Budget
 ) -> tuple[DirectedBand, NDArray[np.bool_]]:
     """The band with further knots, of which one is searched at least, and a mask of these."""
     chosen: list[Directed] = []
     for k in range(angles.size):
-        if chosen and budget is not None and budget.over:
+        if chosen and budget.over:
             break
         chosen.append(search.at(targets_at(band.samples, angles[k : k + 1])))
     if not chosen:
@@ -123,7 +118,7 @@ def _beside_nodes(before: DirectedBand, search: DirectedSearch) -> DirectedBand:
 
 
 def _outwards(
-    search: DirectedSearch, band: DirectedBand, new: NDArray[np.bool_], beside: NDArray[np.bool_], budget: Budget | None
+    search: DirectedSearch, band: DirectedBand, new: NDArray[np.bool_], beside: NDArray[np.bool_], budget: Budget
 ) -> tuple[DirectedBand, NDArray[np.bool_]]:
     """The band with searches from `new` knots on, and those `beside` nodes, one after the other, until they don't gain.
 
@@ -133,18 +128,18 @@ def _outwards(
     targets, radius = targets_at(band.samples, band.angles), band.radius
     fronts = [(int(k), step) for k in np.flatnonzero(new) for step in (-1, 1)]
     fronts += [(int(k), 0) for k in np.flatnonzero(beside)]
-    while fronts and not (budget is not None and budget.over):
+    while fronts and not budget.over:
         onwards: list[tuple[int, int]] = []
         for before, step in fronts:
             k = before + step
-            if not 0 <= k < tried.size or tried[k] or (budget is not None and budget.over):
+            if not 0 <= k < tried.size or tried[k] or budget.over:
                 continue
             tried[k] = True
             chosen, multipliers, bounds = search.at(targets[k : k + 1])
             if smallest_discs(corners_of_supports(bounds[None]))[1][0] < _PAYS * radius[k]:
                 points[k], c[k], changed[k] = chosen, multipliers, True
                 onwards += [(k, way) for way in ((step,) if step else (-1, 1))]
-        fronts = onwards if budget is not None else []
+        fronts = onwards
     return DirectedBand(band.sides, band.angles, points, c), changed
 
 

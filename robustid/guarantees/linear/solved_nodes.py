@@ -85,16 +85,18 @@ def joined_band(
 ) -> EntryBand | DirectedBand:
     """The band with certificates over lines and nodes; those that are `directed`, or more, where no node has a smaller disc.
 
-    Of one direction each, with the polygons of the nodes, from those of the lines on where they are known. Without a budget of
-    time, where it is over, and beside samples of records, those of all directions, with the discs of the nodes: sooner, and wider.
+    Of one direction each, with the polygons of the nodes, from those of the lines on where they are known, which stand without
+    time. Where they aren't, and beside samples of records, those of all directions, with the discs of the nodes: sooner, and wider.
     """
+    if isinstance(directed, DirectedBand) and (budget is None or budget.over):
+        return directed  # a mixture with few polygons, in which nothing is searched, could be wider between them
     nodes = said(band.samples, nodes)
     inside = (nodes.angles >= band.angles[0]) & (nodes.angles <= band.angles[-1])
     found = None
     if np.any(nodes.radius[inside] < _PAYS * directed.at(nodes.angles[inside])[1]):
         found = _Search(band, nodes)
     if found is not None and np.all(np.isfinite(found.extraction.known.radius)):
-        if isinstance(directed, DirectedBand):
+        if isinstance(directed, DirectedBand) and budget is not None:
             return found.around(directed, budget)
         alone = None if budget is None or band.samples.rows else found.directed(budget)
         return found.band() if alone is None else alone
@@ -174,7 +176,7 @@ class _Search:
         sides = Sides(self.samples, self.extraction, self._nodes.corners)
         return directed_band(sides, angles, self._least, budget)
 
-    def around(self, directed: DirectedBand, budget: Budget | None) -> DirectedBand:
+    def around(self, directed: DirectedBand, budget: Budget) -> DirectedBand:
         """Certificates of one direction each, from those of the lines on."""
         low, high = self._plain.angles[[0, -1]]
         inside = self._nodes.angles[(self._nodes.angles > low) & (self._nodes.angles < high)]

@@ -19,7 +19,7 @@ from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.linear.directed_verification import holds_exactly
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, hull, smallest_discs
 from support.edge_bands import edge_plant
-from support.forging import arrays_of, forge
+from support.forging import arrays_of, forge, kept
 from support.refusals import refused
 
 # Plants without records of which the data are consistent: with exact poles, and with those of a problem whose poles are in a box.
@@ -191,6 +191,28 @@ def test_without_time_the_discs_around_the_polygons_stand():
     omega = np.random.default_rng(0).uniform(*found.range, 200)
     assert np.median(found.at(omega)[1] / quick.at(omega)[1]) < 0.98
     assert np.all(found.at(omega)[1] <= plain.at(omega)[1])
+
+
+def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_path):
+    plant, _, found = joined(*ONE)
+    plain, omega = dataclasses.replace(found, polygons=None, directed=()), frequencies(plant, found, ONE[1])
+    values = plant.truth(omega)
+    for limit in (0.1, 0.3, None):  # wherever the time ends
+        alone = plain.by_directions(Budget(limit))
+        centre, radius = alone.at(omega)
+        assert np.all(np.abs(values - centre) <= radius)
+    assert np.median(radius / plain.at(omega)[1]) < 0.98
+    assert "refined    Sums of one direction each narrow the band (to " in alone.summary()
+    again = kept(alone, tmp_path / "band")
+    np.testing.assert_array_equal(again.at(omega)[1], radius)
+    assert again.certified
+    assert again.summary() == alone.summary()
+    for budget in (
+        None,
+        Budget(),
+        Budget(1e-9),
+    ):  # polygons: where multipliers with and without them are mixed, rounding is left
+        assert np.all(alone.between(found.polygons, budget).at(omega)[1] <= radius * (1 + 1e-4))
 
 
 def test_the_search_comes_near_to_what_a_conic_solver_finds():

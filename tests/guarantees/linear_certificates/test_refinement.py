@@ -187,9 +187,8 @@ def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
     np.testing.assert_array_equal(seen, AT[:2])
     assert programs.polygons() is None
     assert np.all(radius > 1e-6)
-    monkeypatch.setattr(
-        placement.OverBox, "lower", placement.Programs.lower
-    )  # the largest error is lowered by less too
+    # The largest error is lowered by less too.
+    monkeypatch.setattr(placement.OverBox, "lower", placement.Programs.lower)
     found = band.refine(identified())
     if found.polygons is not None:
         own = found.at(found.polygons.omega)[1]
@@ -390,35 +389,6 @@ def test_the_summary_says_where_the_band_stands_on_what():
     nothing = plain().with_polygons(dataclasses.replace(refined().polygons, values=wide))
     assert "at 3 of 5 frequencies narrow the band nowhere" in nothing.summary()
     np.testing.assert_array_equal(nothing.upper, plain().upper)
-
-
-@functools.cache
-def by_directions():
-    return plain().by_directions(Budget())
-
-
-def test_sums_of_one_direction_each_narrow_the_band_without_polygons(tmp_path):
-    found = by_directions()
-    assert found.polygons is None
-    assert np.all(found.upper <= plain().upper)
-    assert np.median(found.upper / plain().upper) < 0.95
-    assert "refined    Sums of one direction each narrow the band (to " in found.summary()
-    omega = np.linspace(*found.range, 300)
-    for seed in range(3):  # at other frequencies too, and wherever the time ends
-        late = plain().by_directions(Budget(0.05 * (seed + 1)))
-        assert np.all(late.error_at(omega) <= plain().error_at(omega))
-    again = kept(found, tmp_path / "band")
-    np.testing.assert_array_equal(again.upper, found.upper)
-    assert again.certified
-    assert again.summary() == found.summary()
-
-
-def test_polygons_hardly_widen_what_sums_of_one_direction_say_beside_them():
-    """Where multipliers with and without them are mixed: by the rounding of these."""
-    omega = np.linspace(*plain().range, 300)
-    for budget in (None, Budget(), Budget(1e-9)):
-        found = by_directions().between(refined().polygons, budget)
-        assert np.all(found.error_at(omega) <= by_directions().error_at(omega) * (1 + 1e-4))
 
 
 def test_beside_a_frequency_without_a_polygon_the_estimate_may_be_infinite():
