@@ -66,13 +66,13 @@ def amplitudes_proved(extraction: Extraction) -> bool:
 
 
 def _samples(problem: MixedProblem, omega: Real, damping: Real) -> list[Samples]:
-    rank = _rank(problem)
+    rank = modes_by_frequency(problem)
     functions, seen = functions_of(problem, (omega[rank], damping[rank])), seen_in(problem)
     return [samples_of(problem, functions, entry, seen) for entry in independent_entries(problem.entries)]
 
 
-def _rank(problem: MixedProblem) -> NDArray[np.intp]:
-    """Order of the modes of the parametric part by rising frequency, as linear certificates have them."""
+def modes_by_frequency(problem: MixedProblem) -> NDArray[np.intp]:
+    """Numbers of the modes of the parametric part by rising frequency, as linear certificates have them."""
     poles: Complex = problem.parametric.poles
     return np.argsort(np.angle(poles[np.imag(poles) > 0]), kind="stable")
 
@@ -89,7 +89,7 @@ def largest_amplitudes(
     InputError
         The samples bound no amplitude of some mode by itself.
     """
-    rank, found = _rank(problem), np.zeros((len(omega), *problem.entries.shape))
+    rank, found = modes_by_frequency(problem), np.zeros((len(omega), *problem.entries.shape))
     for one in extractions:
         again = dataclasses.replace(one)  # nothing that was computed before is taken over
         functions, (i, j) = again.samples.functions, again.samples.entry

@@ -22,6 +22,8 @@ from robustid.guarantees.over_cells import AroundModel
 from robustid.guarantees.over_poles import Bounded
 from robustid.guarantees.placement import refined
 from robustid.guarantees.refinement import (
+    BY_CELLS,
+    BY_PROGRAMS,
     SAME,
     Directed,
     check_polygons,
@@ -69,7 +71,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     model : control.StateSpace or None
         The nominal that errors are measured from; None: the centres.
     polygons : WorstCaseError, WorstCaseOverPoles or None
-        Bounds by semidefinite programs at some frequencies, of `refine`: where they are smaller, they are those of the band.
+        Bounds at some frequencies, of `refine`: where they are smaller, they are those of the band.
     directed : tuple of EntryBand or DirectedBand
         As `bands`, by sums of one direction each, and with the polygons among the samples; empty before `refine`. Of both the
         smaller bound holds.
@@ -176,11 +178,11 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         executor: Processes = None,
         resume: Folder | None = None,
     ) -> Band:
-        """Return the band with polygons of semidefinite programs at some frequencies, and the smaller bound of both there.
+        """Return the band with polygons at some frequencies, and the smaller bound of both there.
 
-        Those of `worst_case_error`, or over a box those of its cells, which are halved where the error is largest. By default at
-        up to 40 frequencies in the range of the data, over a box 32, where they are estimated to gain most over the discs, if that
-        is 5 % at least.
+        Those of semidefinite programs, as of `worst_case_error`; over a box of sums over its cells, halved where the error
+        is largest. By default at up to 40 frequencies in the range of the data, where they are estimated to gain most over the
+        discs, if that is 5 % at least.
 
         Parameters
         ----------
@@ -314,7 +316,8 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     def narrowing_words(self) -> str:
         """Words on what `refine` adds to the discs; empty where there is nothing."""
         solved = None if self.polygons is None else np.isin(self.omega, self.polygons.omega)
-        return narrowing_words(self.omega, self._narrowing, solved, self.narrowed)
+        by = BY_PROGRAMS if self.box is None else BY_CELLS
+        return narrowing_words(self.omega, self._narrowing, solved, self.narrowed, by)
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate all certificates again: discs of the amplitudes and of the values, from multipliers and data alone; polygons.

@@ -16,9 +16,8 @@ from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.over_poles import Bounded
-from robustid.guarantees.pole_proofs import Cell
+from robustid.guarantees.pole_proofs import Cell, Claim
 from robustid.guarantees.sweep import Means
-from robustid.guarantees.value_set import RefutationClaim, SupportClaim
 from robustid.guarantees.weight import UncertaintyWeight, from_zero, uncertainty_weight
 from robustid.identification import MixedProblem
 
@@ -138,7 +137,7 @@ class Family(WorstCase):
         """Smallest disc that holds the values of all members, at every frequency and entry: no nominal has a smaller band."""
         return centres_of([m.result for m in self.members])
 
-    def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
+    def claims(self) -> Iterator[Claim]:
         """Every inequality that is stated of a member, with its certificate."""
         for name, error in zip(self.names, self.errors, strict=True):
             yield from (dataclasses.replace(claim, name=f"{name}: {claim.name}") for claim in error.claims())

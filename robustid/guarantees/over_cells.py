@@ -18,11 +18,11 @@ from robustid.guarantees.covers import cover_bound
 from robustid.guarantees.linear.entry_band import EntryBands
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import check_nominal
-from robustid.guarantees.pole_proofs import Cell, hulls_of, union_of
+from robustid.guarantees.pole_proofs import Cell, Claim, hulls_of, union_of
 from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.stability_margin import RobustStabilityMargin, margin_of_circle
 from robustid.guarantees.sweep import Folder, Means, Processes
-from robustid.guarantees.value_set import RefutationClaim, SupportClaim, norm_of_bounds
+from robustid.guarantees.value_set import norm_of_bounds
 from robustid.guarantees.weight import UncertaintyWeight, uncertainty_weight
 from robustid.guarantees.whole_axis import discs_of_entries, whole_axis, without_long_records
 from robustid.identification import MixedProblem, check_gain
@@ -126,7 +126,7 @@ class WorstCase(AroundModel, Frozen, Drawable, Savable):
         """Statement with the signals, the plane and the class of all cells."""
 
     @abc.abstractmethod
-    def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
+    def claims(self) -> Iterator[Claim]:
         """Every inequality that is stated, with its certificate."""
 
     @property

@@ -32,11 +32,11 @@ from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.nominal import as_frequencies, as_nominal
 from robustid.guarantees.over_cells import WorstCase
 from robustid.guarantees.pole_cells import PoleCell, box_of
-from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
+from robustid.guarantees.pole_proofs import Claim, KeptCell, RefutedBySums, RefutedCell, SummedCell
 from robustid.guarantees.pole_sweep import affordable, bounded, circle_over_poles, default_frequencies, searched
 from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.sweep import Folder, Known, Means, Processes
-from robustid.guarantees.value_set import RefutationClaim, SupportClaim, gap_of
+from robustid.guarantees.value_set import gap_of
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MixedProblem
 
@@ -58,17 +58,17 @@ class WorstCaseOverPoles(WorstCase):
     omega : (F,) array, rad/s
     box : PoleCell
         As it was stated, with proved bounds of the amplitudes of its modes.
-    kept : tuple of KeptCell
-        The parts of it that may contain the poles, with the certificates of their bounds. Those that have values at a frequency
-        cover the box, with those that are refuted; at another one they may be others.
-    refuted : tuple of RefutedCell
+    kept : tuple of KeptCell or SummedCell
+        The parts of it that may contain the poles, with the certificates of their bounds, of programs or sums. Those that have
+        values at a frequency cover the box, with those that are refuted; at another one they may be others.
+    refuted : tuple of RefutedCell or RefutedBySums
         Those that are proved not to.
     """
 
     identification: Identification
-    kept: tuple[KeptCell, ...]
+    kept: tuple[KeptCell | SummedCell, ...]
     box: PoleCell
-    refuted: tuple[RefutedCell, ...]
+    refuted: tuple[RefutedCell | RefutedBySums, ...]
 
     def __post_init__(self) -> None:
         self._set(omega=freeze(self.omega))
@@ -84,7 +84,7 @@ class WorstCaseOverPoles(WorstCase):
         return tuple(item.cell for item in max(self._covers, key=len))
 
     @functools.cached_property
-    def _covers(self) -> tuple[tuple[KeptCell, ...], ...]:
+    def _covers(self) -> tuple[tuple[KeptCell | SummedCell, ...], ...]:
         """Cells that stand together at a frequency, each way once."""
         every = (tuple(k for k, item in enumerate(self.kept) if not item.values or w in item.omega) for w in self.omega)
         return tuple(tuple(self.kept[k] for k in ways) for ways in dict.fromkeys(every))
@@ -98,11 +98,11 @@ class WorstCaseOverPoles(WorstCase):
         for number, item in enumerate((*self.kept, *self.refuted), start=1):
             proofs = item.cell.proofs
             found += [f"cell {number}, entry {one.samples.entry}" for one in proofs if not amplitudes_proved(one)]
-            if not relaxed_enough(item.cell, self.problem, self.omega):
+            if isinstance(item, KeptCell | RefutedCell) and not relaxed_enough(item.cell, self.problem, self.omega):
                 found.append(f"cell {number}, expansion about its middle")
         return found
 
-    def claims(self) -> Iterator[SupportClaim | RefutationClaim]:
+    def claims(self) -> Iterator[Claim]:
         """Every inequality that is stated of a cell, with its certificate."""
         for number, item in enumerate((*self.kept, *self.refuted), start=1):
             yield from item.claims(self.problem, f"cell {number}")
@@ -110,7 +110,7 @@ class WorstCaseOverPoles(WorstCase):
     @property
     def claim_count(self) -> int:
         """Number of `claims`."""
-        return len(self.refuted) + sum(len(v.certificates) for item in self.kept for v in item.values)
+        return sum(item.claim_count for item in (*self.kept, *self.refuted))
 
     @property
     def covered(self) -> bool:

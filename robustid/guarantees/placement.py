@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Interruptible, Real, Stops, threads_for, was_interrupted
-from robustid.errors import InputError
+from robustid.core import Budget, Interruptible, Real, Stops, one_thread, was_interrupted
 from robustid.guarantees.candidates import halved, shares_of
 from robustid.guarantees.consistent_set import consistent_set
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.parameters import parameter_intervals
 from robustid.guarantees.pole_cells import box_of
-from robustid.guarantees.pole_proofs import KeptCell, union_of
 from robustid.guarantees.pole_tree import Branch, PoleTree
 from robustid.guarantees.refinement import discs_of, in_order
 from robustid.guarantees.sweep import Known, Means, value_sets
@@ -35,15 +33,13 @@ _MANY = 4  # entries: of more all frequencies are chosen at once, since the sear
 _MOST_IN_TIME = 160  # the same where there is a limit of time, at exact poles
 _GAIN, _LESS = 1.05, 1.02  # times a polygon's radius: smaller discs are good enough; and halfway between the candidates
 _BESIDE = 2  # neighbours of a frequency that are not chosen together with it
-_CELLS, _CELLS_AT_PEAK = 8, 32  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
-_FURTHER = 2  # cells at once, where the error is largest
+_CELLS, _CELLS_AT_PEAK = 16, 64  # of a pole-uncertainty box, at most: everywhere, and where the error is largest
+_FURTHER = 4  # cells at once, where the error is largest
 _PEAK = 0.8  # of the time for polygons over a box: where the error is largest
-_MORE = 2.0  # times as many, to begin with those of another frequency
 _SHARE = 1 / 3  # of the time that is left, for the cells at one frequency
 _WORDS = "bounding the error over the pole-uncertainty box"
 _HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is known of
-_SIDES = 16, 0.05  # directions of polygons and their tolerance: of exact poles,
-_SIDES_OF_CELLS = 8, 0.1  # and of cells
+_SIDES = 16, 0.05  # directions of polygons and their tolerance
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
 _BETWEEN = 0.25  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
@@ -145,22 +141,13 @@ class OverBox(Programs):
     together, most, in_time = _ROUND_OF_CELLS, _MOST_OF_CELLS, _MOST_OF_CELLS
 
     def __init__(
-        self,
-        identification: Identification,
-        model: control.StateSpace,
-        box: Box,
-        largest: Real,
-        budget: Budget,
-        every: bool = False,
+        self, identification: Identification, model: control.StateSpace, box: Box, largest: Real, every: bool = False
     ) -> None:
         super().__init__(identification, model)
         problem = identification.problem
-        directions, rtol = _SIDES_OF_CELLS
-        sides = directions, gap_of(rtol, directions, self.entries.single)
         self._largest = largest  # of the errors that are known in the band, (ny, nu)
         self._every = every
-        with threads_for(problem.coefficients):
-            self._tree = PoleTree(problem, model, box_of(identification, *in_order(problem, box)), sides, budget)
+        self._tree = PoleTree(problem, model, box_of(identification, *in_order(problem, box)))
         self._covers: dict[float, list[Branch]] = {}
         self._interrupted = False
 
@@ -171,33 +158,27 @@ class OverBox(Programs):
         share = shares_of(error, self._largest)
         first = np.argsort(-share, kind="stable")  # the largest error, before the time is over
         omega, error, share = omega[first], error[first], share[first]
-        further = (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0) if self._every else 0.0
-        most = np.ceil(_CELLS + further * np.ones(omega.size)).astype(int)
-        with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
+        most = np.ceil(_CELLS + (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0)).astype(int)
+        with one_thread(), Interruptible(lambda: bool(self._covers)) as sweep:
             for k, w in enumerate(omega.tolist()):
 
                 def told(done: int, before: int = int(most[:k].sum())) -> None:
                     if means.progress is not None:
                         means.progress(_WORDS, before + done, int(most.sum()))
 
-                mine = means._replace(budget=None if means.budget is None else means.budget.share(_SHARE))
-                how = w, error[k : k + 1], int(most[k]), mine, told
-                leaves = None if self._interrupted else self._tree.cover(*how, self._beside(w))
+                mine = None if means.budget is None else means.budget.share(_SHARE)
+                start = self._beside(w, int(most[k]))
+                leaves = None if self._interrupted else self._tree.cover(w, error[k], int(most[k]), mine, told, start)
                 if leaves is None:
                     break
                 radii[w] = self._radius(leaves, w)
                 if np.any(radii[w] < np.inf if self._every else radii[w] < known.at([w])[1][0] / _GAIN):
                     self._covers[w] = leaves
         self._interrupted |= sweep.interrupted
-        if not self._covers and any(not np.all(np.isfinite(one)) for one in radii.values()):
-            raise InputError(
-                "a cell of the pole-uncertainty box is so wide that no sample says anything of all its poles at once: the discs of"
-                " `band` stand alone; measure more frequency points around the modes, or state a smaller box"
-            )
         return np.array(sorted(radii)), np.array([radii[w] for w in sorted(radii)]).reshape(-1, *self.entries.shape)
 
     def spread(self, room: int) -> int:
-        """As `Programs.spread`; far from the modes one cell says it all, and takes little time."""
+        """As `Programs.spread`."""
         return _SPREAD
 
     def lower(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
@@ -205,14 +186,14 @@ class OverBox(Programs):
         error = known.error_at(omega, self.model)
         share = dict(zip(omega.tolist(), shares_of(error, self._largest).tolist(), strict=True))
         seen: list[float] = []
-        with threads_for(self.identification.problem.coefficients), Interruptible(lambda: bool(self._covers)) as sweep:
+        with one_thread(), Interruptible(lambda: bool(self._covers)) as sweep:
             while not (means.budget is not None and means.budget.over):
                 w = max(share, key=share.__getitem__)
                 before = self._covers.get(w, [])
                 most = min(len(before) + _FURTHER, _CELLS_AT_PEAK) if before else _CELLS
-                leaves = self._tree.cover(w, self._largest[None], most, means, start=before or self._beside(w))
-                if leaves is None or set(leaves) == set(before) or any(leaf.found is None for leaf in leaves):
-                    break  # the time is over, no more cells make it smaller, or one says nothing
+                leaves = self._tree.cover(w, self._largest, most, means.budget, start=before or self._beside(w, most))
+                if leaves is None or set(leaves) == set(before):
+                    break  # the time is over, or no more cells make it smaller
                 self._covers[w], seen = leaves, [*seen, w]
                 share[w] = min(share[w], self._share(w, leaves))
                 if means.progress is not None:
@@ -224,24 +205,17 @@ class OverBox(Programs):
 
     def _share(self, omega: float, leaves: list[Branch]) -> float:
         """The proved error of cells at a frequency, in units of the largest that is known."""
-        at, kept = np.array([omega]), [leaf.kept(omega) for leaf in leaves]
-        nominal = self.identification.problem.plane.values_at(self.model, at)
-        return float(shares_of(union_of(kept, nominal, at)[0], self._largest)[0])
+        nominal = self.identification.problem.plane.values_at(self.model, np.array([omega]))[0]
+        return float(max(shares_of(leaf.errors(omega, nominal)[None], self._largest)[0] for leaf in leaves))
 
-    def _beside(self, omega: float) -> list[Branch]:
-        """Cells of the nearest frequency that has some, if these are not many more and it lies within the width of the box.
-
-        Those with the largest errors there first: of the others less has to be known.
-        """
-        box = self._tree.root.cell
-        nearest = min(self._covers, key=lambda w: abs(w - omega), default=np.inf)
-        leaves = self._covers.get(nearest, [])
-        near = abs(nearest - omega) <= np.ptp(box.omega[box.widest_at(omega)]) and len(leaves) <= _MORE * _CELLS
-        alike = near and np.array_equal(leaves[0].cell.near, self._tree.root_at(omega).cell.near)
-        return sorted(leaves, key=lambda leaf: -self._share(nearest, [leaf])) if alike else []
+    def _beside(self, omega: float, most: int) -> list[Branch]:
+        """Cells of the nearest frequency that has some, if these are not more than so many."""
+        nearest = min(self._covers, key=lambda w: abs(w - omega), default=omega)
+        leaves = [leaf for leaf in self._covers.get(nearest, []) if not leaf.refuted]
+        return leaves if len(leaves) <= most else []
 
     def _radius(self, leaves: list[Branch], omega: float) -> Real:
-        return discs_of([leaf.kept(omega) for leaf in leaves], np.array([omega]), self.entries)[1][0]
+        return discs_of([leaf.kept([omega]) for leaf in leaves], np.array([omega]), self.entries)[1][0]
 
     def polygons(self) -> WorstCaseOverPoles | None:
         """As `Programs.polygons`."""
@@ -249,17 +223,13 @@ class OverBox(Programs):
             return None
         omega = sorted(self._covers)
         used = dict.fromkeys(leaf for w in omega for leaf in self._covers[w])
-        kept = tuple(
-            KeptCell(tuple(one for w in omega if leaf in self._covers[w] for one in leaf.values[w]), leaf.cell)
-            for leaf in used
-        )
         return WorstCaseOverPoles(
             identification=self.identification,
             model=self.model,
             omega=np.array(omega),
             box=self._tree.root.cell,
-            kept=kept,
-            refuted=tuple(self._tree.refuted),
+            kept=tuple(leaf.kept([w for w in omega if leaf in self._covers[w]]) for leaf in used),
+            refuted=tuple(leaf.refutation() for leaf in self._tree.refuted),
         )
 
 
@@ -284,8 +254,7 @@ def refined(
             found = worst_case_error(identification, model=model, omega=omega, known=band, **means.options)
             return band.between(found, means.budget)
         largest = plain.error_at(omega, model).max(axis=0)
-        budget = means.budget or Budget()
-        programs = OverBox(identification, model, band.box, largest, budget, every=stated)
+        programs = OverBox(identification, model, band.box, largest, every=stated)
         if not stated:
             return placed(programs, plain, omega, means)
         programs.solve(omega, plain, means)

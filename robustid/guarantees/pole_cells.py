@@ -249,11 +249,14 @@ class PoleCell(Frozen):
         """Mode whose remainder is largest at a frequency."""
         return int(np.argmax(self.remainder(np.array([omega])).reshape(len(self.middle), -1).max(axis=1)))
 
-    def split(self, problem: MixedProblem, mode: int) -> tuple[PoleCell, PoleCell] | None:
-        """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound."""
+    def split(self, problem: MixedProblem, mode: int, hyperbolic: bool = False) -> tuple[PoleCell, PoleCell] | None:
+        """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound.
+
+        `hyperbolic` in that metric, as matters near its frequency.
+        """
         sides = [np.ptp(self.omega[mode]), np.ptp(self.damping[mode]) * self.omega[mode].mean()]
         middle = self.omega[mode].mean(), self.damping[mode].mean()
-        if self.near[mode]:  # in the hyperbolic metric
+        if hyperbolic or self.near[mode]:
             low, high = self.damping[mode].tolist()
             middle = middle[0], np.sqrt(low * high)
             sides = [sides[0] / (middle[0] * middle[1]), np.log(high / low)]

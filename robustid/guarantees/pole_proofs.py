@@ -10,7 +10,10 @@ from typing import Self
 import numpy as np
 
 from robustid.core import Complex, Frozen, Real, freeze
-from robustid.guarantees.consistent_set import ConsistentSet, Entry, independent_entries
+from robustid.guarantees.consistent_set import ConsistentSet, Entry, independent_entries, which
+from robustid.guarantees.linear.directed import DirectedBand, directed_fit
+from robustid.guarantees.linear.directed_verification import sides_hold_exactly
+from robustid.guarantees.linear.entry_band import extraction_fits
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import (
     RefutationClaim,
@@ -80,6 +83,11 @@ class KeptCell(Cell):
         """Remainder of the expansion behind the relaxed problem."""
         return self.cell.slack(omega)
 
+    @property
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return sum(len(one.certificates) for one in self.values)
+
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SupportClaim]:
         """Claims of the polygons about the relaxed problem, which is made anew from the original one."""
         posed = posed_relaxation(self.cell, problem)
@@ -106,6 +114,8 @@ class RefutedCell(Frozen):
     cell: PoleCell
     certificate: MarginCertificate
 
+    claim_count = 1
+
     def is_about(self, problem: MixedProblem, _: Real) -> bool:
         """Return whether there is a relaxed problem that can be refuted."""
         return self.cell.relaxed(problem) is not None
@@ -115,6 +125,106 @@ class RefutedCell(Frozen):
         posed = posed_relaxation(self.cell, problem)
         if posed is not None:
             yield RefutationClaim(f"{name}, refuted", self.certificate, posed.data.rows, posed.data.sarason)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SumsClaim(Frozen):
+    """Sums of one direction each over the samples of an entry bound its values by what is stated, (F, M)."""
+
+    name: str
+    band: DirectedBand
+    stated: Real
+
+    def verify(self, exact: bool = False) -> bool:
+        """Evaluate them again; `exact` in ball arithmetic (`robustid[exact]`), by code of its own."""
+        again = dataclasses.replace(self.band)  # nothing that was computed before is taken over
+        fits = directed_fit(again.sides, again.points, again.multipliers, again.angles.size)
+        return (
+            fits
+            and extraction_fits(again.extraction)
+            and bool(np.all(again.knot_supports <= self.stated))
+            and (not exact or sides_hold_exactly(again))
+        )
+
+
+Claim = SupportClaim | RefutationClaim | SumsClaim
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SummedCell(Cell):
+    """A cell whose values sums over the samples prove, of one direction each: no program is solved, nothing is relaxed.
+
+    Attributes
+    ----------
+    cell : PoleCell
+    bands : tuple of DirectedBand
+        Of every independent entry, with the frequencies of the values as their knots.
+    """
+
+    cell: PoleCell
+    bands: tuple[DirectedBand, ...]
+
+    @classmethod
+    def of(cls, problem: MixedProblem, cell: PoleCell, omega: Real, bands: tuple[DirectedBand, ...]) -> SummedCell:
+        """The cell with the values that its sums prove at frequencies."""
+        values: list[ValueSet] = []
+        for k, w in enumerate(omega.tolist()):
+            for one in bands:
+                support = one.knot_supports[k]
+                nothing = np.full((support.size, *problem.entries.shape), np.nan, complex)
+                theta: Real = np.linspace(0, 2 * np.pi, int(support.size), endpoint=False)
+                parts = theta, support, nothing[:, 0, 0], 0.0, (), one.samples.entry, nothing
+                values.append(ValueSet(w, *parts))
+        return cls(tuple(values), cell, bands)
+
+    @property
+    def claim_count(self) -> int:
+        """Number of `claims`."""
+        return len(self.bands)
+
+    def claims(self, problem: MixedProblem, name: str) -> Iterator[SumsClaim]:
+        """Claims of the polygons of every entry."""
+        for band in self.bands:
+            entry = band.samples.entry
+            stated = np.array([one.support for one in self.of_entry(*entry)])
+            yield SumsClaim(f"{name}{which(problem, entry)}", band, stated)
+
+    def is_about(self, problem: MixedProblem, omega: Real) -> bool:
+        """Return whether there are closed polygons of all entries at some of the frequencies, from sums over this cell."""
+        here = omega[np.isin(omega, self.omega)]
+        angles = problem.plane.angles(here)
+        own = all(_of_cell(one, self.cell) and np.array_equal(one.angles, angles) for one in self.bands)
+        return own and len(self.bands) == len(independent_entries(problem.entries)) and super().is_about(problem, here)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RefutedBySums(Frozen):
+    """A cell that is proved not to contain the poles: sums of opposite directions leave no value of an entry at a frequency."""
+
+    cell: PoleCell
+    band: DirectedBand  # one knot
+
+    claim_count = 1
+
+    def is_about(self, problem: MixedProblem, _: Real) -> bool:
+        """Return whether the sums are over this cell, and contradict each other."""
+        return _of_cell(self.band, self.cell) and bool(is_empty(self.band.knot_supports[0]))
+
+    def claims(self, problem: MixedProblem, name: str) -> Iterator[SumsClaim]:
+        """The one that it makes."""
+        yield SumsClaim(f"{name}, refuted", self.band, self.band.knot_supports)
+
+
+def _of_cell(band: DirectedBand, cell: PoleCell) -> bool:
+    """Return whether sums are over the samples with their poles in a cell, and over nothing else."""
+    own = [one for one in cell.proofs if one is band.extraction and one.samples is band.samples]
+    return bool(own) and not len(band.sides.corners)
+
+
+def is_empty(bounds: Real) -> bool:
+    """Return whether bounds (M,) of equally spaced directions contradict each other in two that are opposite."""
+    half = bounds.size // 2
+    return bool(np.any(bounds[:half] + bounds[half:] < 0))
 
 
 def posed_relaxation(cell: PoleCell, problem: MixedProblem) -> Formulation | None:
@@ -150,7 +260,7 @@ def corners_of(cells: Sequence[Cell], omega: Real, entry: Entry) -> list[Complex
         here = np.flatnonzero(np.isin(omega, item.omega))
         slack = item.slack(omega[here])[:, *entry]
         for k, one, extra in zip(here.tolist(), item.of_entry(*entry), slack.tolist(), strict=True):
-            found[k].append((one.vertices[:, None] + extra * _AROUND).ravel())
+            found[k].append((one.vertices[:, None] + extra * _AROUND).ravel() if extra else one.vertices)
     return [np.concatenate(each) if np.all(np.isfinite(np.concatenate(each))) else None for each in found]
 
 

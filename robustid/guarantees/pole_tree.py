@@ -1,31 +1,48 @@
-"""Cells of a pole-uncertainty box as trees: halved at a frequency where their systems are farthest from the model."""
+"""Cells of a pole-uncertainty box as trees: halved at a frequency where their systems are farthest from the model.
+
+What a cell says comes from sums of one direction each over the samples, with amplitudes of its own.
+"""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robustid.core import Budget, Pieces, Real
+from robustid.core import Budget, Complex, Pieces, Real
 from robustid.errors import InconsistentDataError
-from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.amplitude_bounds import modes_by_frequency
+from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.certificate import Targets, targets_at
+from robustid.guarantees.linear.directed import DirectedBand, Sides, directions, left_by_series
+from robustid.guarantees.linear.directed_search import DirectedSearch
+from robustid.guarantees.linear.further_points import further_points
+from robustid.guarantees.linear.polygon_discs import corners_of_supports
+from robustid.guarantees.linear.solved_nodes import NO_NODES
 from robustid.guarantees.pole_cells import PoleCell
-from robustid.guarantees.pole_proofs import KeptCell, RefutedCell, union_of
-from robustid.guarantees.pole_sweep import looked_at
-from robustid.guarantees.polygons import Earlier
-from robustid.guarantees.sweep import Means, value_sets
-from robustid.guarantees.value_set import ValueSet
+from robustid.guarantees.pole_proofs import RefutedBySums, SummedCell, is_empty
 from robustid.identification import MixedProblem
 
 if TYPE_CHECKING:
     import control
 
-_LITTLE = 1e-3  # of the error: the remainder of a cell that is left as it is
-_LESS = 0.97  # times the largest error of a cell: what that of its quarters has to be for more of them
-_SMALL = 0.2  # hyperbolic radius of a mode near a frequency: larger cells are halved before anything is solved
-_ENOUGH = 0.97  # times the largest error that the relaxed problems of cells reach: what a polygon need not be below
+_SIDES = 16  # directions
+_POINTS, _ROUNDS = 40, 2  # of a sum; rounds in which those of the whole box become others
+_DEEP, _LESS = (
+    3,
+    0.99,
+)  # parts of a cell after so many halvings must have less than that times its error, for more of them
+
+
+class Polygon(NamedTuple):
+    """What sums say of an entry of a cell at one frequency: points (n,), multipliers (M, n) and bounds (M,)."""
+
+    points: NDArray[np.intp]
+    multipliers: NDArray[np.complex64]
+    bounds: Real
 
 
 class Branch:
@@ -33,189 +50,204 @@ class Branch:
 
     Attributes
     ----------
-    values : dict
-        Polygons by frequency, rad/s.
+    found : dict
+        Polygons of all entries by frequency, rad/s.
+    refuted : bool
+        Sums of two opposite directions contradict each other: no system has its poles in the cell.
     """
 
-    def __init__(
-        self,
-        cell: PoleCell,
-        name: str,
-        look: Callable[[PoleCell], RefutedCell | ConsistentSet | None],
-        above: Branch | None = None,
-    ) -> None:
-        self.cell, self.name, self._look, self._above = cell, name, look, above
-        self.values: dict[float, tuple[ValueSet, ...]] = {}
-        self.halves: dict[int, tuple[Branch, ...]] = {}
+    def __init__(self, problem: MixedProblem, cell: PoleCell, whole: Branch | None = None) -> None:
+        self.problem, self.cell, self._whole = problem, cell, whole
+        self.found: dict[float, tuple[Polygon, ...]] = {}
+        self.refuted = False
+        self._halves: dict[int, tuple[Branch, ...]] = {}
+        self._points: dict[tuple[int, float], NDArray[np.intp]] = {}
 
     @functools.cached_property
-    def found(self) -> RefutedCell | ConsistentSet | None:
-        """Refutation of the cell, or the set of its relaxed problem; None: no sample says anything of all its poles at once."""
-        return self._look(self.cell)
+    def _searches(self) -> list[DirectedSearch]:
+        return [DirectedSearch(sides_of(one), directions(_SIDES)) for one in self.cell.proofs]
 
-    def before(self, omega: float) -> Earlier | None:
-        """Polygon of the cell whose half it is at a frequency, with its samples, for plants with one entry."""
-        above = self._above
-        if above is None or not isinstance(above.found, ConsistentSet) or len(above.values.get(omega, ())) != 1:
-            return None
-        return above.found.posed_at(omega).data.rows, above.values[omega][0]
+    def solve(self, omega: float, nominal: Complex) -> None:
+        """Search the polygons of all entries at a frequency, about nominal values (ny, nu).
 
-    def kept(self, omega: float) -> KeptCell:
-        """The cell with its values at a frequency; without any of one that is too wide."""
-        return KeptCell(self.values.get(omega, ()), self.cell)
+        From those of the cell whose half it is, of itself at the nearest frequency, or from nothing.
+        """
+        if omega in self.found:
+            return
+        whole, count = self._whole, len(self._searches)
+        if whole is not None and omega in whole.found:
+            every = [
+                self._searched(k, omega, whole.further(k, omega, nominal), whole.found[omega][k]) for k in range(count)
+            ]
+        elif self.found:
+            beside = self.found[min(self.found, key=lambda w: abs(w - omega))]
+            every = [self._searched(k, omega, beside[k].points, beside[k]) for k in range(count)]
+        else:
+            every = [self._first(k, omega, nominal) for k in range(count)]
+        self.found[omega] = tuple(every)
+        self.refuted |= any(is_empty(one.bounds) for one in every)
+
+    def _first(self, entry: int, omega: float, nominal: Complex) -> Polygon:
+        """The polygon from the points nearest to a frequency, with some rounds of further ones."""
+        search = self._searches[entry]
+        target = self._target(omega, entry)
+        found = self._searched(entry, omega, search.nearest(complex(target.base[0])))
+        for _ in range(_ROUNDS):
+            found = self._searched(entry, omega, self._further(entry, omega, nominal, found))
+        return found
+
+    def _target(self, omega: float, entry: int) -> Targets:
+        return targets_at(self._searches[entry].sides.samples, self.problem.plane.angles(np.array([omega])))
+
+    def _searched(self, entry: int, omega: float, points: NDArray[np.intp], before: Polygon | None = None) -> Polygon:
+        start = None
+        if before is not None:
+            start = np.zeros((_SIDES, points.size), complex)
+            _, here, there = np.intersect1d(points, before.points, assume_unique=True, return_indices=True)
+            start[:, here] = before.multipliers[:, there]
+        c, bounds = self._searches[entry].search(self._target(omega, entry), points, start)
+        return Polygon(points, c.astype(np.complex64), bounds)
+
+    def further(self, entry: int, omega: float, nominal: Complex) -> NDArray[np.intp]:
+        """Points for the halves of the cell."""
+        if (entry, omega) not in self._points:
+            self._points[entry, omega] = self._further(entry, omega, nominal, self.found[omega][entry])
+        return self._points[entry, omega]
+
+    def _further(self, entry: int, omega: float, nominal: Complex, found: Polygon) -> NDArray[np.intp]:
+        """Points for the directions on both sides of the farthest corner."""
+        search = self._searches[entry]
+        value = complex(nominal[search.sides.samples.entry])
+        corner = int(np.argmax(np.abs(corners_of_supports(found.bounds[None])[0] - value)))
+        both = [corner, (corner + 1) % _SIDES]
+        c = found.multipliers[both].astype(complex)
+        return further_points(search.sides, self._target(omega, entry), found.points, c, search.turns[both], _POINTS)
+
+    def errors(self, omega: float, nominal: Complex) -> Real:
+        """Largest distances of the entries from nominal values (ny, nu), (ny, nu)."""
+        found = np.zeros(nominal.shape)
+        for proof, one in zip(self.cell.proofs, self.found[omega], strict=True):
+            i, j = proof.samples.entry
+            for place in {(i, j), (j, i)} if self.problem.entries.symmetric else {(i, j)}:
+                far = np.abs(corners_of_supports(one.bounds[None]) - nominal[place])
+                found[place] = np.inf if np.isnan(far).any() else far.max()
+        return found
+
+    def mode_left(self, omega: float, entry: int, nominal: complex) -> int:
+        """Number of the mode of which the series leaves most in the direction in which an entry is farthest from a value."""
+        search, one = self._searches[entry], self.found[omega][entry]
+        samples = search.sides.samples
+        k = int(np.argmax(one.bounds - (search.turns * nominal).real))
+        target = self._target(omega, entry)
+        c = one.multipliers[None, k : k + 1].astype(complex)
+        left = left_by_series(search.sides, target, one.points, c, search.turns[k : k + 1])
+        functions = samples.functions
+        of_modes = left[: len(samples.components) * functions.amplitudes].reshape(-1, functions.amplitudes)
+        return int(modes_by_frequency(samples.problem)[np.argmax(of_modes.sum(axis=0)[functions.fixed_count :])])
+
+    def halves(self, mode: int) -> tuple[Branch, ...]:
+        """Halves of a mode; none where their amplitudes have no bound."""
+        if mode not in self._halves:
+            cells = self.cell.split(self.problem, mode, hyperbolic=True) or ()
+            self._halves[mode] = tuple(Branch(self.problem, cell, self) for cell in cells)
+        return self._halves[mode]
+
+    def kept(self, omega: Sequence[float]) -> SummedCell:
+        """The cell with its polygons at frequencies, rising."""
+        return SummedCell.of(self.problem, self.cell, np.array(omega), self._bands(omega))
+
+    def refutation(self) -> RefutedBySums:
+        """The proof that no system has its poles in the cell."""
+        omega, entry = next(
+            (w, k) for w, every in self.found.items() for k, one in enumerate(every) if is_empty(one.bounds)
+        )
+        return RefutedBySums(self.cell, self._bands([omega])[entry])
+
+    def _bands(self, omega: Sequence[float]) -> tuple[DirectedBand, ...]:
+        angles = self.problem.plane.angles(np.array(omega))
+        every = zip(*(self.found[w] for w in omega), strict=True)
+        return tuple(
+            DirectedBand(
+                search.sides, angles, np.array([one.points for one in own]), np.array([one.multipliers for one in own])
+            )
+            for search, own in zip(self._searches, every, strict=True)
+        )
 
 
 class PoleTree:
-    """Cells of a box, of which those that hold the largest error at a frequency are halved; what they share is computed once.
+    """Cells of a box, of which those that hold the largest error at a frequency are halved; what they share is computed once."""
 
-    Raises
-    ------
-    InconsistentDataError
-        The whole box is refuted.
-    """
+    def __init__(self, problem: MixedProblem, model: control.StateSpace, whole: PoleCell) -> None:
+        self.problem, self.model, self.root = problem, model, Branch(problem, whole)
+        self._branches = [self.root]
 
-    def __init__(
-        self,
-        problem: MixedProblem,
-        model: control.StateSpace,
-        whole: PoleCell,
-        sides: tuple[int, float],
-        budget: Budget | None = None,
-    ) -> None:
-        self.problem, self.model, self._sides, self._budget = problem, model, sides, budget
-        self.refuted: list[RefutedCell] = []
-        self._roots: dict[tuple[bool, ...], Branch] = {}
-        self.root = self._root(whole)
-        if isinstance(self.root.found, RefutedCell):
-            raise self._refusal
-
-    def root_at(self, omega: float) -> Branch:
-        """The whole box, every mode expanded as its remainder at a frequency is smaller."""
-        return self._root(self.root.cell.about(self.problem, omega))
-
-    def _root(self, cell: PoleCell) -> Branch:
-        ways = tuple(cell.near.tolist())
-        if ways not in self._roots:
-            self._roots[ways] = self._branch(cell, "cell-" + "".join("in"[way] for way in ways) + "-")
-        return self._roots[ways]
+    @property
+    def refuted(self) -> list[Branch]:
+        """Cells that are proved not to contain the poles."""
+        return [one for one in self._branches if one.refuted]
 
     def cover(
         self,
         omega: float,
         scale: Real,
         most: int,
-        means: Means,
+        budget: Budget | None,
         told: Callable[[int], None] | None = None,
         start: Sequence[Branch] = (),
     ) -> list[Branch] | None:
-        """So many branches at most that cover the box, without those that are refuted, with their values at a frequency.
+        """So many branches at most that cover the box, without those that are refuted, with their polygons at a frequency.
 
-        The one whose systems are farthest from the model, in units of `scale` (1, ny, nu), is halved next, for as long as that
-        makes it smaller and there is time; None where there is none for the first ones, `start` or the whole box.
+        The one whose systems are farthest from the model, in units of `scale` (ny, nu), is halved next, for as long as that
+        makes it smaller and there is time; None where there is none for the first ones: the whole box, or those that are to
+        `start` with, where they say more.
         """
-        pieces, parents = Pieces(means.budget), dict[Branch, Branch]()
-        leaves, sizes = list(start) or self._small(omega, most), dict[Branch, float]()
-        for leaf in leaves:
-            if not (pieces.begins() and self._valued(leaf, omega, means, self._enough(leaves, omega))):
+        pieces = Pieces(budget)
+        nominal = self.problem.plane.values_at(self.model, np.array([omega]))[0]
+        sizes, above = dict[Branch, float](), dict[Branch, list[Branch]]()
+        for leaf in (self.root, *start):
+            if not pieces.begins():
                 return None
-        leaves = self._left(leaves)
-        sizes |= {leaf: self._size(leaf, omega, scale) for leaf in leaves}
+            leaf.solve(omega, nominal)
+            sizes[leaf], above[leaf] = float((leaf.errors(omega, nominal) / scale).max()), []
+        leaves = best = self._left([self.root])
+        if start and max(sizes[leaf] for leaf in start) < sizes[self.root]:
+            leaves = best = self._left(start)
         while len(leaves) < most and pieces.begins():
             worst = max(leaves, key=sizes.__getitem__)
-            above = parents.get(worst)
-            mode = worst.cell.widest_at(omega)
-            slack = float((worst.cell.slack(np.array([omega])) / scale).max())
-            # Near a mode the last term of the series, whose phase is free, is all that matters of a small cell.
-            slack /= worst.cell.radius[mode] if worst.cell.near[mode] else 1.0
-            if slack < _LITTLE * sizes[worst] or (above in parents and sizes[worst] > _LESS * sizes[parents[above]]):
+            before = above[worst][-_DEEP:]
+            halves = self._halves(worst, omega, nominal, scale)
+            if not halves or (len(before) == _DEEP and sizes[worst] > _LESS * sizes[before[0]]):
                 break
-            halves, enough = self._halves(worst, omega), self._enough(leaves, omega)
-            over = (
-                means.budget is not None and means.budget.over
-            )  # then one that is too wide may be one without a margin
-            if over or not halves or not all(self._valued(half, omega, means, enough) for half in halves):
-                break
+            for half in halves:
+                half.solve(omega, nominal)
+                sizes[half], above[half] = float((half.errors(omega, nominal) / scale).max()), [*above[worst], worst]
             leaves = self._left([*(leaf for leaf in leaves if leaf is not worst), *halves])
-            sizes |= {half: self._size(half, omega, scale) for half in halves if half in leaves}
-            parents |= dict.fromkeys(halves, worst)
+            best = min(best, leaves, key=lambda one: max(sizes[leaf] for leaf in one))
             if told is not None:
                 told(len(leaves))
-        return leaves
+        return best
 
-    def _small(self, omega: float, most: int) -> list[Branch]:
-        """So many parts of the box at most, as small as cells have to be near a frequency; nothing is solved."""
-        leaves = [self.root_at(omega)]
-        mode = self.root.cell.widest_at(omega)
-        while len(leaves) < most and leaves[0].cell.near[mode]:
-            widest = max(leaves, key=lambda leaf: leaf.cell.radius[mode])
-            halves = self._parts(widest, mode) if widest.cell.radius[mode] > _SMALL else ()
-            if not halves:
-                break
-            leaves = [*(leaf for leaf in leaves if leaf is not widest), *halves]
-        return leaves
+    def _halves(self, branch: Branch, omega: float, nominal: Complex, scale: Real) -> tuple[Branch, ...]:
+        """Halves of the mode that matters at a frequency in the entry with the largest error."""
+        errors = branch.errors(omega, nominal) / scale
+        entry, place = max(
+            ((k, one.samples.entry) for k, one in enumerate(branch.cell.proofs)), key=lambda one: errors[one[1]]
+        )
+        halves = branch.halves(branch.mode_left(omega, entry, complex(nominal[place])))
+        self._branches += [half for half in halves if half not in self._branches]
+        return halves
 
     def _left(self, leaves: Sequence[Branch]) -> list[Branch]:
         """Leave out those that are refuted."""
-        left = [leaf for leaf in leaves if not isinstance(leaf.found, RefutedCell)]
+        left = [leaf for leaf in leaves if not leaf.refuted]
         if not left:
-            raise self._refusal
+            raise InconsistentDataError(
+                "no system with poles in the pole-uncertainty box fits the data: cells that cover it are refuted; loosen the"
+                " bounds, the prior or the box"
+            )
         return left
 
-    def _enough(self, leaves: Sequence[Branch], omega: float) -> float:
-        """About the largest distance from the model that cells reach."""
-        nominal = complex(self.problem.plane.values_at(self.model, np.array([omega]))[0].flat[0])
-        reached = [one.farthest(nominal)[1] for leaf in leaves for one in leaf.values.get(omega, ())]
-        return _ENOUGH * max(reached, default=0.0)
 
-    @property
-    def _refusal(self) -> InconsistentDataError:
-        return InconsistentDataError(
-            "no system with poles in the pole-uncertainty box fits the data: cells that cover it are refuted; loosen the bounds,"
-            " the prior or the box"
-        )
-
-    def _branch(self, cell: PoleCell, name: str, above: Branch | None = None) -> Branch:
-        return Branch(cell, name, self._looked_at, above)
-
-    def _looked_at(self, cell: PoleCell) -> RefutedCell | ConsistentSet | None:
-        found = looked_at(cell, self.problem, self._budget)
-        if isinstance(found, RefutedCell):
-            self.refuted.append(found)
-        return found
-
-    def _halves(self, branch: Branch, omega: float) -> tuple[Branch, ...]:
-        """Halves of the mode that matters at a frequency; none where their amplitudes have no bound."""
-        wide = branch.found is None
-        return self._parts(
-            branch, branch.cell.widest(self.problem, np.array([omega])) if wide else branch.cell.widest_at(omega)
-        )
-
-    def _parts(self, branch: Branch, mode: int) -> tuple[Branch, ...]:
-        """Halves of a mode."""
-        if mode not in branch.halves:
-            cells = branch.cell.split(self.problem, mode) or ()
-            branch.halves[mode] = tuple(
-                self._branch(cell, f"{branch.name}{mode}{'ab'[k]}", branch) for k, cell in enumerate(cells)
-            )
-        return branch.halves[mode]
-
-    def _valued(self, branch: Branch, omega: float, means: Means, enough: float) -> bool:
-        """Find the values at a frequency, and say whether there was time for it; of cells without a set there are none.
-
-        `enough` is a distance from the model within which no more has to be known.
-        """
-        if isinstance(branch.found, ConsistentSet) and omega not in branch.values:
-            how = means.part(branch.name), self.model
-            known = branch.before(omega)
-            found = value_sets(
-                branch.found, np.array([omega]), *self._sides, *how, least=0, enough=enough, before=known
-            )
-            if not found:
-                return False
-            branch.values[omega] = tuple(found)
-        return True
-
-    def _size(self, branch: Branch, omega: float, scale: Real) -> float:
-        at = np.array([omega])
-        nominal = self.problem.plane.values_at(self.model, at)
-        return float((union_of((branch.kept(omega),), nominal, at)[0] / scale).max())
+def sides_of(proof: Extraction) -> Sides:
+    """The samples of an entry with the amplitudes of a cell."""
+    return Sides(proof.samples, proof, NO_NODES.corners)

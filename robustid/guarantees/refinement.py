@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-12  # relative: of corners, and of distances from a centre
 Directed = tuple[EntryBand | DirectedBand, ...]
+BY_PROGRAMS = "Semidefinite programs", "a semidefinite program narrows"
+BY_CELLS = "Sums over cells of the pole-uncertainty box", "sums over cells of the pole-uncertainty box narrow"
 _NARROWER = 0.995  # of the width: what is worth words
 SAME = 1e-9  # relative distance up to which two frequencies are one
 
@@ -155,22 +157,23 @@ def nodes_of(polygons: Bounded, entry: Entry) -> Nodes:
     return Nodes(polygons.problem.plane.angles(polygons.omega), *solved_discs(polygons, entry), corners)
 
 
-def narrowing_words(omega: Real, part: Real, solved: NDArray[np.bool_] | None, narrowed: NDArray[np.bool_]) -> str:
-    """Words on bounds that are a `part` of those of discs, at frequencies that are solved and others."""
+def narrowing_words(
+    omega: Real, part: Real, solved: NDArray[np.bool_] | None, narrowed: NDArray[np.bool_], by: tuple[str, str]
+) -> str:
+    """Words on bounds that are a `part` of those of discs, at frequencies that are solved `by` what does it, and others."""
     others = part if solved is None else part[~solved]
     middle = float(np.median(others)) if others.size else 1.0
     to = f"(to {100 * middle:.3g} % in the median)" if middle < _NARROWER else ""
     if solved is None:
         return to and f"Sums of one direction each narrow the band {to}"
     if not narrowed.any():
-        return (
-            f"Semidefinite programs at {solved.sum()} of {omega.size} frequencies narrow the band nowhere: that of sums stands"
-            + (to and f", one direction at a time {to}")
+        return f"{by[0]} at {solved.sum()} of {omega.size} frequencies narrow the band nowhere: that of sums stands" + (
+            to and f", one direction at a time {to}"
         )
     sizes, least = part[narrowed], float(omega[narrowed][np.argmin(part[narrowed])]) / (2 * np.pi)
     widths = f"to {100 * np.median(sizes):.3g} % of its width in the median, to {100 * sizes.min():.3g} % at {hz_words(least)}"
     return (
-        f"At {narrowed.sum()} of {omega.size} frequencies a semidefinite program narrows the band ({widths}); everywhere else the"
+        f"At {narrowed.sum()} of {omega.size} frequencies {by[1]} the band ({widths}); everywhere else the"
         " band of sums stands" + (to and f", one direction at a time, with these values among its samples {to}")
     )
 

@@ -14,7 +14,7 @@ from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.contradictions import Contradiction, contradiction_of_multipliers
 from robustid.guarantees.family_result import Family
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.directed import DirectedBand
+from robustid.guarantees.linear.directed import DirectedBand, directed_fit
 from robustid.guarantees.linear.entry_band import EntryBand
 from robustid.guarantees.member import Member, as_members
 from robustid.guarantees.nominal import as_nominal
@@ -22,7 +22,8 @@ from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, loaded_cell
-from robustid.guarantees.pole_proofs import KeptCell, RefutedCell
+from robustid.guarantees.pole_proofs import KeptCell, RefutedBySums, RefutedCell, SummedCell
+from robustid.guarantees.pole_tree import sides_of
 from robustid.guarantees.watch_result import Watch
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
@@ -56,9 +57,27 @@ class _Kept(TypedDict):
     values: Arrays
 
 
+class _Sums(TypedDict):
+    points: NDArray[np.int32]
+    multipliers: NDArray[np.complex64]
+
+
+class _Summed(TypedDict):
+    cell: _Cell | _NearCell
+    omega: Real
+    sums: tuple[_Sums, ...]
+
+
 class _Refuted(TypedDict):
     cell: _Cell | _NearCell
     certificate: MarginCertificate
+
+
+class _RefutedBySums(TypedDict):
+    cell: _Cell | _NearCell
+    angle: float
+    entry: int
+    sums: _Sums
 
 
 class _Entry(TypedDict):
@@ -134,9 +153,29 @@ def _over_poles(band: WorstCaseOverPoles) -> Record:
         "box": _cell(band.box),
         "delay": band.box.delay,
         "omega": band.omega,
-        "kept": tuple({"cell": _cell(item.cell), "values": pack_values(item.values)} for item in band.kept),
-        "refuted": tuple({"cell": _cell(item.cell), "certificate": item.certificate} for item in band.refuted),
+        "kept": tuple(_kept(item) for item in band.kept),
+        "refuted": tuple(_refuted(item) for item in band.refuted),
     }
+
+
+def _kept(item: KeptCell | SummedCell) -> _Kept | _Summed:
+    cell = _cell(item.cell)
+    if isinstance(item, KeptCell):
+        return {"cell": cell, "values": pack_values(item.values)}
+    return {"cell": cell, "omega": item.omega, "sums": tuple(_sums(one) for one in item.bands)}
+
+
+def _refuted(item: RefutedCell | RefutedBySums) -> _Refuted | _RefutedBySums:
+    cell = _cell(item.cell)
+    if isinstance(item, RefutedCell):
+        return {"cell": cell, "certificate": item.certificate}
+    band = item.band
+    entry = [one.samples.entry for one in item.cell.proofs].index(band.samples.entry)
+    return {"cell": cell, "angle": float(band.angles[0]), "entry": entry, "sums": _sums(band)}
+
+
+def _sums(band: DirectedBand) -> _Sums:
+    return {"points": band.points.astype(np.int32), "multipliers": band.multipliers.astype(np.complex64)}
 
 
 def _make_over_poles(
@@ -145,8 +184,8 @@ def _make_over_poles(
     box: _Cell,
     delay: int,
     omega: Real,
-    kept: tuple[_Kept, ...],
-    refuted: tuple[_Refuted, ...],
+    kept: tuple[_Kept | _Summed, ...],
+    refuted: tuple[_Refuted | _RefutedBySums, ...],
 ) -> WorstCaseOverPoles:
     problem, delay = identification.problem, as_count("delay", delay)
 
@@ -157,10 +196,21 @@ def _make_over_poles(
             raise ValueError("its modes are not those of the cell")
         return loaded_cell(problem, omega, damping, delay, cell["amplitudes"], near)
 
-    cells = tuple(
-        KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), loaded(item["cell"]))
-        for item in kept
-    )
+    def kept_cell(item: _Kept | _Summed) -> KeptCell | SummedCell:
+        cell = loaded(item["cell"])
+        if "values" in item:
+            return KeptCell(tuple(unpack_values(item["values"], problem.dt, problem.entries)), cell)
+        angles = problem.plane.angles(item["omega"])
+        bands = tuple(_band_of_sums(*pair, angles) for pair in zip(cell.proofs, item["sums"], strict=True))
+        return SummedCell.of(problem, cell, item["omega"], bands)
+
+    def refuted_cell(item: _Refuted | _RefutedBySums) -> RefutedCell | RefutedBySums:
+        cell = loaded(item["cell"])
+        if "certificate" in item:
+            return RefutedCell(cell, item["certificate"])
+        return RefutedBySums(cell, _band_of_sums(cell.proofs[item["entry"]], item["sums"], np.array([item["angle"]])))
+
+    cells = tuple(kept_cell(item) for item in kept)
     if not cells or not all(np.all(np.isin(item.omega, omega)) for item in cells):
         raise ValueError("it keeps no cell, or one that is bounded at other frequencies than it")
     return WorstCaseOverPoles(
@@ -169,8 +219,16 @@ def _make_over_poles(
         omega=omega,
         box=loaded(box),
         kept=cells,
-        refuted=tuple(RefutedCell(loaded(item["cell"]), item["certificate"]) for item in refuted),
+        refuted=tuple(refuted_cell(item) for item in refuted),
     )
+
+
+def _band_of_sums(proof: Extraction, sums: _Sums, angles: Real) -> DirectedBand:
+    """The sums of an entry over a cell. ValueError for those of other samples."""
+    sides, points, c = sides_of(proof), sums["points"].astype(np.intp), sums["multipliers"]
+    if not directed_fit(sides, points, c, angles.size):
+        raise ValueError("its sums do not belong to the samples of the problem")
+    return DirectedBand(sides, angles, points, c.astype(np.complex64))
 
 
 def _cell(cell: PoleCell) -> _Cell | _NearCell:

@@ -91,7 +91,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
 
 
 def stands_on(band: Band, error: WorstCaseError | None) -> str:
-    """Say in one sentence where the band stands on sums and where on semidefinite programs; empty where it has only sums.
+    """Say in one sentence where the band stands on sums and where on polygons; empty where it has only sums.
 
     A sweep of exact poles beside a band over a box is no part of it, and said to be none.
     """
@@ -107,7 +107,7 @@ def stands_on(band: Band, error: WorstCaseError | None) -> str:
 def band_verdict(band: Band, holds: bool) -> Verdict:
     """Verdict on the sums, which are evaluated again, and on the polygons, which were."""
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons
-    further = "" if polygons is None else f" and {polygons.claim_count} certificates of semidefinite programs"
+    further = "" if polygons is None else f" and {polygons.claim_count} certificates of polygons"
     words = f"{count} discs, each from two sums over the samples,{further} were evaluated again for this page, without a solver."
     holds = holds and dataclasses.replace(band, polygons=None).certified
     return proved(holds, words, "The proofs do not give what is stated.", "band-certificates")
@@ -248,7 +248,7 @@ def _refined(band: Band, bottom: float) -> tuple[list[Layer], list[Layer]]:
     x, size, upper = band.omega[here] / HZ, model_size(band)[here], band.sigma_upper[here]
     middle, half = _sizes(*(part[here] for part in (band.centre, band.radius)))
     hover = at_hz(x, "at most {}", upper)
-    words = f"narrowed by a semidefinite program ({x.size} frequenc{'y' if x.size == 1 else 'ies'})"
+    words = f"narrowed by a polygon ({x.size} frequenc{'y' if x.size == 1 else 'ies'})"
     ends = np.maximum(size - upper, middle - half), np.minimum(size + upper, middle + half)
     ends = tuple(np.maximum(end, bottom) for end in ends)
     bars = Layer(words, x, size, ALERT, marker="circle", low=ends[0], high=ends[1], size=FINE)

@@ -50,7 +50,7 @@ def page(refined, error):
 
 def test_dots_are_the_refined_errors_and_the_line_is_proved_between_them(refined, plain):
     count = int(refined.narrowed.sum())
-    words = f"narrowed by a semidefinite program ({count} frequencies)"
+    words = f"narrowed by a polygon ({count} frequencies)"
     magnitude, errors = band_chart(refined.polygons.identification, refined).panels
     dots, bars, line = named(errors, words), named(magnitude, words), named(errors, "proved error")
     np.testing.assert_allclose(dots.x * 2 * np.pi, refined.omega[refined.narrowed])
@@ -75,7 +75,7 @@ def test_one_sentence_says_what_stands_on_what(refined, plain, error, page):
     assert "everywhere else the band of sums stands" in words
     assert stands_on(plain, error) == ""
     assert page.text.count(words) == 2  # on the first screen, and in the section
-    assert f"{error.claim_count} certificates of semidefinite programs were evaluated again" in page.text
+    assert f"{error.claim_count} certificates of polygons were evaluated again" in page.text
     assert words in band_words(refined, error)
     assert "semidefinite" not in band_words(plain, None)
 

@@ -233,7 +233,7 @@ def _sum_failures(console: Terminal, band: Band, exact: bool) -> list[str]:
     with step(console, "evaluating the sums"):
         holds = band.verify(exact)
     count, polygons = sum(one.angles.size for one in band.bands), band.polygons
-    further = "" if polygons is None else f"; {polygons.claim_count} certificates of semidefinite programs"
+    further = "" if polygons is None else f"; {polygons.claim_count} certificates of polygons"
     word = "verified" if holds else "FAILED"
     say(
         console,

@@ -289,7 +289,7 @@ def narrowed(work: Work) -> None:
     """
     if work.band is None or work.around.stops.interrupted:
         return
-    asked, words = work.run.worst_case, "narrowing the band by semidefinite programs"
+    asked, words = work.run.worst_case, "narrowing the band"
     stated = None if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
     share = 1.0 if stated is not None else narrowing_share(work.run.time_limit, work.around.budget.left)
     with work.around.step(words, share, asked.time_limit, needed=stated is not None) as limit:
@@ -297,7 +297,7 @@ def narrowed(work: Work) -> None:
         try:
             work.band = work.band.refine(work.identification, **how)
         except (InputError, InconsistentDataError) as error:
-            work.not_over_poles = f"Semidefinite programs narrow nothing: {error}"
+            work.not_over_poles = f"Nothing narrows the band further: {error}"
             return
     polygons = work.band.polygons
     if isinstance(polygons, WorstCaseOverPoles) and polygons.omega.size:

@@ -100,10 +100,10 @@ class Measure:
         return (1 - b * x) * (1 - np.conj(b) * x) / ((1 - self.zero * x) * self.level)
 
 
-def kernels(z: Complex, w: Complex) -> tuple[Complex, Complex]:
-    """Inner products of the weights of points (n, C) with each other and with the conjugates, over 1 - z z'* and 1 - z z'."""
-    plain = (w @ w.conj().T) / (1 - z[:, None] * z.conj())
-    return plain, (w @ w.T) / (1 - z[:, None] * z)
+def kernels(z: Complex, w: Complex, other: Complex, weights: Complex) -> tuple[Complex, Complex]:
+    """Inner products of the weights of points (n, C) with others (k, C) and with their conjugates, over 1 - z z'* and 1 - z z'."""
+    plain = (w @ weights.conj().T) / (1 - z[:, None] * other.conj())
+    return plain, (w @ weights.T) / (1 - z[:, None] * other)
 
 
 def supports(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
@@ -122,7 +122,7 @@ def supports(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Comple
     total += _of_functions(sides, missed)
     with np.errstate(invalid="ignore"):
         beyond = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, targets.left_out @ known.largest)
-    total += beyond[:, None] + _of_class(sides, targets, points, c, turns)
+    total += beyond[:, None] + class_bound(sides, targets, points, c, turns)
     rounded += terms @ known.largest[samples.amplitude_of] if terms.shape[2] else 0.0
     return total + _EPS * (8 * (points.size + 16) * rounded + 16 * (np.abs(total) + rounded))
 
@@ -138,20 +138,37 @@ def missed_of(
 
 def _of_functions(sides: Sides, missed: Complex) -> Real:
     """Bounds of Re sum m_i p_i, (B, M)."""
-    samples, known = sides.samples, sides.extraction.known
-    centre, radius = known.coefficients(samples)
+    centre, radius = sides.extraction.known.coefficients(sides.samples)
+    return (missed @ centre).real + sizes_of(sides, missed) @ radius
+
+
+def sizes_of(sides: Sides, missed: Complex) -> Real:
+    """Sizes of the m_i that count, (B, M, m)."""
     own, twin = sides.twins
     size = np.where(sides.reals, np.abs(missed.real), np.abs(missed))
     size[:, :, twin] = 0  # both together: Re(m p + m' p*) = Re((m + m'*) p)
     size[:, :, own] = np.abs(missed[:, :, own] + missed[:, :, twin].conj())
-    return (missed @ centre).real + size @ radius
+    return size
 
 
-def _of_class(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
+def left_by_series(sides: Sides, target: Targets, points: NDArray[np.intp], c: Complex, turn: Complex) -> Real:
+    """Parts of the bound in one direction that the series of the amplitudes leave behind their first terms, (amplitudes,).
+
+    Multipliers c (1, 1, n) of points (n,) for one target: smaller boxes of their poles make these parts smaller.
+    """
+    samples, known = sides.samples, sides.extraction.known
+    further = ~samples.first
+    size = sizes_of(sides, missed_of(sides, target, points, c, turn)[0])[0, 0] * known.coefficients(samples)[1]
+    found = (np.abs(c[0, 0]) @ samples.left_out[points] + target.left_out[0].real) * known.largest
+    np.add.at(found, samples.amplitude_of[further], size[further])
+    return found
+
+
+def class_bound(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
     """K |r|, rounding included, (B, M)."""
     samples = sides.samples
     z, w = samples.nodes[points], samples.weights[points]
-    plain, twice = kernels(z, w)
+    plain, twice = kernels(z, w, z, w)
     measures = [Measure(b) for b in targets.base.tolist()]
     h = np.array([one.outer(z) for one in measures]).reshape(len(measures), points.size)
     at = np.array([complex(one.outer(np.array(one.base))) for one in measures])
@@ -201,6 +218,14 @@ class DirectedBand(Frozen):
     @functools.cached_property
     def _at_knots(self) -> tuple[Complex, Real]:
         return self.at(self.angles)
+
+    @functools.cached_property
+    def knot_supports(self) -> Real:
+        """Bounds of Re(exp(-j theta) F) at the knots, (F, M)."""
+        targets, found = targets_at(self.samples, self.angles), np.empty((self.angles.size, self.turns.size))
+        for k, c in enumerate(self.multipliers.astype(complex)):
+            found[k] = supports(self.sides, targets[k : k + 1], self.points[k], c[None], self.turns)[0]
+        return freeze(found)
 
     @property
     def centre(self) -> Complex:

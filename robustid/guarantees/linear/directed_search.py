@@ -29,6 +29,7 @@ _FUNCTIONS = 12  # of the class, of each of which it is weighed what is missed; 
 _FEWEST = 24  # angles, where the time is short, and after which it is seen
 _WORTH = 0.97  # whether certificates of directions pay: of the radii of discs
 _LAST = 3  # iterates that are evaluated
+_FEW = 8  # of the levels, from multipliers that are good already
 _ROUNDS = 40  # of the smallest ellipses
 _FLAT = 1e-9  # of an extent: the least one of an ellipse
 _HALVINGS = 4  # of arcs:
@@ -251,20 +252,21 @@ class DirectedSearch:
         points = self.nearest(complex(target.base[0]))
         return points, *self.search(target, points)
 
-    def search(self, target: Targets, points: NDArray[np.intp]) -> tuple[Complex, Real]:
-        """Multipliers (M, n) of points for one target, and bounds (M,): the best of the last ones."""
+    def search(self, target: Targets, points: NDArray[np.intp], start: Complex | None = None) -> tuple[Complex, Real]:
+        """Multipliers (M, n) of points for one target, and bounds (M,): the best of the last ones; from a start in fewer steps."""
         sides, n = self.sides, points.size
         centre, E = self._ellipses
         rows, rest = _grouped(*self._rows(target, points))
         bound = _Smoothed([self._norms(target, points), *rest], rows, centre[points], E[points])
-        x = np.zeros((self.turns.size, 2 * n))
+        x = np.zeros((self.turns.size, 2 * n)) if start is None else np.concatenate([start.real, start.imag], axis=1)
         tried: list[Complex] = []
-        for step, level in enumerate(_LEVELS):
+        levels = _LEVELS if start is None else _LEVELS[-_FEW:]
+        for step, level in enumerate(levels):
             try:
                 x = bound.step(x, level)
             except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
                 break
-            if step >= len(_LEVELS) - _LAST:
+            if step >= len(levels) - _LAST:
                 tried.append((x[:, :n] + 1j * x[:, n:]).astype(np.complex64).astype(complex))
         if not tried:
             return np.zeros((self.turns.size, n), complex), np.full(self.turns.size, np.inf)
@@ -278,7 +280,7 @@ class DirectedSearch:
         samples, base = self.sides.samples, complex(target.base[0])
         z, w, measure = samples.nodes[points], samples.weights[points], Measure(base)
         h, at = measure.outer(z), complex(measure.outer(np.array(base)))
-        A, B = (one * h[:, None] for one in kernels(z, w))
+        A, B = (one * h[:, None] for one in kernels(z, w, z, w))
         A, B = A * h.conj(), B * h
         Q = np.block([[A.real + B.real, A.imag - B.imag], [-A.imag - B.imag, A.real - B.real]]) / 2
         w, tau = w[:, samples.target], (target.weight[0] * at * self.turns)[:, None]

@@ -35,7 +35,7 @@ def sides_hold_exactly(band: DirectedBand) -> bool:
         sums = Sums(flint, samples)
         if samples.amplitudes and not sums.amplitudes_proved(extraction, extraction.known):
             return False
-        targets, stated = targets_at(samples, band.angles), band.supports(band.angles)
+        targets, stated = targets_at(samples, band.angles), band.knot_supports
         for k in range(band.angles.size):
             finite = np.flatnonzero(np.isfinite(stated[k])).tolist()
             proved = _Knot(sums, band, targets[k : k + 1], k)

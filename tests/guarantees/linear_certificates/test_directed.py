@@ -125,7 +125,7 @@ def test_the_norm_of_what_is_missed_is_that_of_real_series_with_the_mean_of_two_
     c = one.multipliers[knot][None] * (1 + rng.integers(2, size=(1, 16, 1)) * rng.standard_normal((1, 16, points.size)))
     use = np.abs(samples.nodes[points]) < near
     points, c = points[use], c[:, :, use]
-    shown = directed._of_class(one.sides, targets, points, c, one.turns)[0]
+    shown = directed.class_bound(one.sides, targets, points, c, one.turns)[0]
     z = samples.nodes[points]
     terms = int(20 / (1 - near))
     x = np.exp(2j * np.pi * np.arange(16384) / 16384)
@@ -174,8 +174,9 @@ def test_sides_hold_in_ball_arithmetic_and_lower_ones_do_not(kind):
     few = dataclasses.replace(one, angles=one.angles[::12], points=one.points[::12], multipliers=one.multipliers[::12])
 
     class Lower(DirectedBand):
-        def supports(self, angles):
-            return super().supports(angles) - 1e-6 * np.abs(super().supports(angles)).max()
+        @functools.cached_property
+        def knot_supports(self):
+            return few.knot_supports - 1e-6 * np.abs(few.knot_supports).max()
 
     assert holds_exactly(few)
     assert not holds_exactly(Lower(few.sides, few.angles, few.points, few.multipliers))

@@ -16,13 +16,12 @@ from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.work import Work
 from robustid.core import Budget
 from robustid.errors import FileFormatError, InputTypeError
-from robustid.guarantees import placement, pole_sweep, pole_tree
+from robustid.guarantees import placement
 from robustid.guarantees.candidates import halved
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.sweep import Means
-from robustid.identification import margin
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
 from support.refusals import refused
@@ -174,7 +173,7 @@ def test_over_a_box_polygons_that_are_no_better_are_not_pursued(monkeypatch):
     monkeypatch.setattr(placement.OverBox, "most", 4)
     band, model = over_box()[0], identified().model
     largest = band.error_at(OMEGA, model).max(axis=0)
-    programs = placement.OverBox(identified(), model, BOX, largest, Budget())
+    programs = placement.OverBox(identified(), model, BOX, largest)
 
     class Small(Loose):
         def at(self, omega):
@@ -305,9 +304,8 @@ def test_a_refined_band_comes_back_from_its_files(tmp_path, over):
     assert kept(plain(), tmp_path / "plain").polygons is None
 
 
-@pytest.mark.parametrize("over", ["exact poles", "a box"])
-def test_sides_that_no_certificate_supports_are_not_loaded(tmp_path, over):
-    found, path = refined() if over == "exact poles" else over_box()[1], tmp_path / "band"
+def test_sides_that_no_certificate_supports_are_not_loaded(tmp_path):
+    found, path = refined(), tmp_path / "band"
     found.save(path)
     assert supports(path)
     for name in supports(path)[:1]:
@@ -356,20 +354,11 @@ def test_steps_of_a_run_begin_no_program_where_its_time_is_over(monkeypatch):
 
 
 def test_over_a_box_nothing_is_begun_that_takes_longer_than_the_time(monkeypatch):
-    monkeypatch.setattr(pole_tree, "value_sets", None)
-    found = over_box()[0].refine(identified(), time_limit=1e-6)
+    band = over_box()[0]
+    monkeypatch.setattr(DirectedSearch, "search", None)
+    found = band.refine(identified(), time_limit=1e-6)
     assert found.polygons is None
     np.testing.assert_array_equal(found.radius, over_box()[0].radius)
-
-
-def test_the_margin_over_a_box_ends_with_the_time(monkeypatch):
-    """The first point that it looks at is the last; nothing is made of what it has shown by then."""
-    seen, own = [], margin._candidates
-    monkeypatch.setattr(margin, "_candidates", lambda *one: (seen.append(1) or each for each in own(*one)))
-    monkeypatch.setattr(pole_sweep, "set_of", None)
-    found = over_box()[0].refine(identified(), time_limit=1e-6)
-    assert len(seen) == 1
-    assert found.polygons is None
 
 
 def test_a_frequency_that_differs_by_rounding_is_not_there_twice():
