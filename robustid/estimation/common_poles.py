@@ -29,7 +29,6 @@ _ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
 _DEVIATIONS, _LEAST, _LIGHT = 4.0, 1e-5, 0.2  # of the intervals of modes; ends of their dampings
 _SHOWN = 12.0  # standard deviations: peaks of a hair dryer's noise reach 11
 _CHUNK = 2**16  # lines that are predicted at once
-_SINGULAR = 1e-8  # of a direction of the poles, in parts of their derivatives: what is below is rounding
 
 
 class Doubt(NamedTuple):
@@ -192,7 +191,9 @@ class _Description:
         tangents = np.vstack([-one.tangent(change) for one, change in zip(entries, changes, strict=True)])
         size = lengths(np.vstack(changes))
         U, s, V = np.linalg.svd(tangents / size, full_matrices=False)
-        told = s > _SINGULAR * s.max(initial=0)
+        triangle = entries[0].triangle  # that of all entries
+        # What functions that are alike make of rounding errors in the derivatives is no direction.
+        told = s > np.finfo(float).eps * np.linalg.cond(triangle / lengths(triangle)) * s.max(initial=0)
         self.ways = V[told].T / s[told] / size[:, None]  # from U' e to the poles
         self.maps: list[tuple[Real, Real]] = []  # from Q' e, and from U' e, to the coefficients
         self.inner: list[Real] = []  # covariance of Q' e
