@@ -191,9 +191,10 @@ class _Description:
         tangents = np.vstack([-one.tangent(change) for one, change in zip(entries, changes, strict=True)])
         size = lengths(np.vstack(changes))
         U, s, V = np.linalg.svd(tangents / size, full_matrices=False)
-        triangle = entries[0].triangle  # that of all entries
+        triangle, eps = entries[0].triangle, float(np.finfo(float).eps)  # that of all entries
         # What functions that are alike make of rounding errors in the derivatives is no direction.
-        told = s > np.finfo(float).eps * np.linalg.cond(triangle / lengths(triangle)) * s.max(initial=0)
+        alike = min(eps * float(np.linalg.cond(triangle / lengths(triangle))), np.sqrt(eps))
+        told = s > alike * s.max(initial=0)
         self.ways = V[told].T / s[told] / size[:, None]  # from U' e to the poles
         self.maps: list[tuple[Real, Real]] = []  # from Q' e, and from U' e, to the coefficients
         self.inner: list[Real] = []  # covariance of Q' e
