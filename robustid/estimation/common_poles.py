@@ -29,7 +29,6 @@ _ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
 _DEVIATIONS, _LEAST, _LIGHT = 4.0, 1e-5, 0.2  # of the intervals of modes; ends of their dampings
 _SHOWN = 12.0  # standard deviations: peaks of a hair dryer's noise reach 11
 _CHUNK = 2**16  # lines that are predicted at once
-_SINGULAR = 1e-12
 
 
 class Doubt(NamedTuple):
@@ -154,9 +153,9 @@ class _Spectra(PoleFit):
         parts = zip(self.drives.T, each, strict=True)
         return np.sum([drive[:, None] * slopes_of(self.x, poles, own) for drive, own in parts], axis=0)
 
-    def around(self, residual: Real) -> Real:
-        """Mean square of real residuals over the lines around every line of every record, (records lines,)."""
-        power = np.sum(residual.reshape(2, self.records, -1) ** 2, axis=0) / 2
+    def around(self, rows: Real) -> Real:
+        """Mean of real rows over the lines around every line of every record, (records lines,)."""
+        power = np.sum(rows.reshape(2, self.records, -1), axis=0) / 2
         total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
         at: NDArray[np.intp] = np.arange(int(self.lines))
         low, high = np.maximum(at - _AROUND, 0), np.minimum(at + (_AROUND + 1), self.lines)
@@ -179,37 +178,44 @@ class _Spectra(PoleFit):
 class _Description:
     """Coefficients of every output at the poles, and the covariance of the responses to first order, for noise of any colour.
 
-    The noise of a line is what the lines around it leave. With errors e, functions Q R, derivatives J by the poles and
-    S = sum (P J)'(P J), P = I - Q Q', the poles err by da = S^-1 sum (P J)' e, the coefficients by R^-1 Q' (e - J da).
+    With errors e, functions Q R, derivatives J by the poles, P = I - Q Q' and P J = U s V' of all outputs together, the poles err
+    by da = V s^-1 U' e, the coefficients by R^-1 Q' (e - J da). The noise of a line is what the lines around it leave, over the
+    part of their degrees of freedom that functions and poles leave: many of these among few lines follow the noise too
+    (`mackinnon1985`).
     """
 
     def __init__(self, fit: _Spectra, poles: Complex, entries: list[Projection], changes: list[Real]) -> None:
         self.fit, self.poles = fit, poles
         shape = (len(entries), fit.drives.shape[1], -1)
         self.c = np.array([one.coefficients for one in entries]).reshape(shape)
-        spare = 2 * fit.samples / max(2 * fit.samples - fit.parameters(poles.size), 1)
-        tangents = [-one.tangent(change) for one, change in zip(entries, changes, strict=True)]
-        size = lengths(np.vstack(tangents))
-        S = sum(t.T @ t for t in tangents) / size / size[:, None]
-        inverse = np.linalg.inv(S + _SINGULAR * np.eye(len(S))) / size / size[:, None]
-        self.maps: list[tuple[Real, Real]] = []  # from Q' e, and from da, to the coefficients
+        tangents = np.vstack([-one.tangent(change) for one, change in zip(entries, changes, strict=True)])
+        size = lengths(np.vstack(changes))
+        U, s, V = np.linalg.svd(tangents / size, full_matrices=False)
+        triangle, eps = entries[0].triangle, float(np.finfo(float).eps)  # that of all entries
+        # What functions that are alike make of rounding errors in the derivatives is no direction.
+        alike = min(eps * float(np.linalg.cond(triangle / lengths(triangle))), np.sqrt(eps))
+        told = s > alike * s.max(initial=0)
+        self.ways = V[told].T / s[told] / size[:, None]  # from U' e to the poles
+        self.maps: list[tuple[Real, Real]] = []  # from Q' e, and from U' e, to the coefficients
         self.inner: list[Real] = []  # covariance of Q' e
-        self.mixed: list[Real] = []  # of Q' e with da
-        total = np.zeros_like(inverse)
-        for one, change, tangent in zip(entries, changes, tangents, strict=True):
-            noise = spare * np.tile(fit.around(one.residual), 2)[:, None]
+        self.mixed: list[Real] = []  # of Q' e with U' e
+        self.outer = np.zeros((np.sum(told), np.sum(told)))  # covariance of U' e
+        for one, change, across in zip(entries, changes, np.vsplit(U[:, told], len(entries)), strict=True):
+            left = np.maximum(1 - np.sum(one.basis**2, axis=1) - np.sum(across**2, axis=1), 0)
+            free = np.maximum(fit.around(left), 1 / (2 * _AROUND + 1))  # a line's at least
+            noise = np.tile(fit.around(one.residual**2) / free, 2)[:, None]
             back = np.linalg.pinv(one.triangle / (length := lengths(one.triangle))) / length[:, None]
-            self.maps.append((back, -back @ (one.basis.T @ change)))
+            self.maps.append((back, -back @ (one.basis.T @ change @ self.ways)))
             self.inner.append(one.basis.T @ (noise * one.basis))
-            self.mixed.append(one.basis.T @ (noise * tangent) @ inverse)
-            total += tangent.T @ (noise * tangent)
-        self.moved = inverse @ total @ inverse  # covariance of the poles
+            self.mixed.append(one.basis.T @ (noise * across))
+            self.outer += across.T @ (noise * across)
+        self.moved = self.ways @ self.outer @ self.ways.T  # covariance of the poles
 
     def _spread(self, output: int) -> Real:
         """Covariance of the coefficients of an output."""
         back, after = self.maps[output]
         mixed = back @ self.mixed[output] @ after.T
-        return back @ self.inner[output] @ back.T + mixed + mixed.T + after @ self.moved @ after.T
+        return back @ self.inner[output] @ back.T + mixed + mixed.T + after @ self.outer @ after.T
 
     def shown(self) -> NDArray[np.bool_]:
         """Pairs that responses and transients of an output together show beyond what surrounds them, (pairs,).
@@ -266,17 +272,17 @@ class _Description:
         K, n, nz = angle.size, base.shape[1], len(self.c)
         values = np.einsum("kn,ijn,i->kij", base, self.c[:, :nx], self.fit.size) / self.fit.scale
         steady: list[Complex] = []  # by Q' e, (K, nx, m)
-        moved: list[Complex] = []  # by da
+        moved: list[Complex] = []  # by U' e
         for c, maps in zip(self.c, self.maps, strict=True):
             own, after = (np.stack([base @ one[j * n : (j + 1) * n] for j in range(nx)], axis=1) for one in maps)
             direct = np.stack([slopes_of(turned, self.poles, c[j, : n - _SMOOTH]) for j in range(nx)], axis=1)
             steady.append(own)
-            moved.append(direct + after)
+            moved.append(direct @ self.ways + after)
         units = self.fit.size[:, None] / self.fit.scale
         covariance = np.zeros((K, nx, nz, nx, nz), complex)
         for i in range(nz):
             for j in range(nz):
-                part = (moved[i] @ self.moved + steady[i] @ self.mixed[i]) @ _adjoint(moved[j])
+                part = (moved[i] @ self.outer + steady[i] @ self.mixed[i]) @ _adjoint(moved[j])
                 part = part + moved[i] @ _adjoint(steady[j] @ self.mixed[j])
                 if i == j:
                     part = part + steady[i] @ self.inner[i] @ _adjoint(steady[i])

@@ -103,7 +103,8 @@ def estimate_frf(
     lie along one direction of the complex plane are given their largest variance in all. In a short record the lines of a
     window reach beyond a resonance, or to two, and no function of low order fits there. So G and T of all lines first, by
     common poles, as many as shorten the description of the spectra; windows are about what these leave, and the covariance of
-    both is added, which counts the same noise twice rather than leakage not at all. The light poles, four standard deviations
+    both is added, which counts the same noise twice rather than leakage not at all. The noise around a line is what the poles leave
+    there over the degrees of freedom that they leave there (`mackinnon1985`). The light poles, four standard deviations
     on either side, are the `modes` of the response.
 
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
