@@ -21,12 +21,20 @@ _AROUND = 13  # and so many over three times the width of the box of every mode
 
 
 def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | None = None) -> Real:
-    """Frequencies at which polygons are thought of: those of a band, a grid, and some around a box, in the range of the data."""
+    """Frequencies at which polygons are thought of: those of a band, a grid, and some around a box, in the range of the data.
+
+    Beyond it those of the band where its discs are larger than anywhere in it.
+    """
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     low, high = band.range
     if lines.size:
         low, high = max(low, float(lines.min())), min(high, float(lines.max()))
-    inside = omega[(omega >= low) & (omega <= high)]
+    within = (omega >= low) & (omega <= high)
+    radius = np.max(band.at(omega)[1], axis=(1, 2))
+    beyond = omega[
+        ~within & np.isfinite(radius) & (radius > radius[within].max(initial=np.inf if not within.any() else 0.0))
+    ]
+    inside = omega[within]
     every = [inside, np.linspace(low, high, _GRID)]
     ends: list[list[float]] = [] if box is None else box[0].tolist()
     for least, most in ends:
@@ -34,7 +42,7 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | No
         every.append(np.linspace(first, last, _AROUND))
     found = np.unique(np.concatenate(every))
     if box is None:
-        return found
+        return np.union1d(found, beyond)
     # A resonance can be narrower than that: at least a few candidates over the half-width of the lightest one in a box.
     nearest = np.argmin(np.abs(found[:, None] - box[0].mean(axis=1)), axis=1)
     narrow = _NARROW * (box[0][:, 0] * box[1][:, 0])[nearest]
@@ -42,7 +50,7 @@ def candidates_of(band: Known, problem: MixedProblem, omega: Real, box: Box | No
     # Those of the band, at which its error is reported, before the others.
     away = np.abs(found[:, None] - inside).min(axis=1, initial=np.inf)
     found, apart = found[(away == 0) | (away > apart)], apart[(away == 0) | (away > apart)]
-    return found[np.diff(found, prepend=-np.inf) > apart]
+    return np.union1d(found[np.diff(found, prepend=-np.inf) > apart], beyond)
 
 
 def halved(omega: Real, tried: Real) -> tuple[Real, Real]:

@@ -41,7 +41,7 @@ _WORDS = "bounding the error over the pole-uncertainty box"
 _HALF = 0.5  # of the radius of a disc: what a polygon may be that nothing is known of
 _SIDES = 16, 0.05  # directions of polygons and their tolerance
 _QUICK = 0.1  # of the time of their polygons: what discs between these may take, to choose the next ones
-_BETWEEN = 0.25  # of the time: for the search between the polygons
+_BETWEEN = 0.4  # of the time: for the search between the polygons
 _NO_TIME = 1e-9
 
 

@@ -10,7 +10,7 @@ import robustid as rid
 from robustid.core import Budget
 from robustid.errors import FileFormatError
 from robustid.guarantees import box_of, placement
-from robustid.guarantees.candidates import shares_of
+from robustid.guarantees.candidates import candidates_of, shares_of
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.further_points import contradicted, further_points
 from robustid.guarantees.pole_proofs import RefutedBySums, SummedCell, is_empty
@@ -242,3 +242,21 @@ def test_errors_without_bound_are_larger_than_all_others_and_one_of_themselves()
     errors = np.array([[[1.0, np.inf]], [[np.inf, 2.0]], [[4.0, 1.0]]])
     np.testing.assert_array_equal(shares_of(errors, np.array([[2.0, 4.0]])), [np.inf, np.inf, 2.0])
     np.testing.assert_array_equal(shares_of(errors, np.array([[2.0, np.inf]])), [1.0, np.inf, 2.0])
+
+
+def test_frequencies_beyond_the_data_are_thought_of_where_the_discs_are_larger_than_within_them():
+    problem = identified().problem  # lines from 1 to 25 rad/s
+    omega = np.array([0.5, 5.0, 20.0, 26.0, 28.0, 30.0])
+
+    class Discs:
+        range = (0.0, 31.0)
+
+        def at(self, omega):
+            return 0 * omega, np.interp(omega, [0.0, 25.0, 27.0, 31.0], [1.0, 1.0, 1.0, 2.0])[:, None, None]
+
+    for box in (None, BOX):
+        found = candidates_of(Discs(), problem, omega, box)
+        assert np.isin([5.0, 20.0, 28.0, 30.0], found).all()
+        assert not np.isin([0.5, 26.0], found).any()
+        assert np.all(np.diff(found) > 0)
+        assert np.all(found[(found < 1.0) | (found > 25.0)] == [28.0, 30.0])
