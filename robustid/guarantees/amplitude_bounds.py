@@ -6,9 +6,7 @@ hyperbolic distance T of a_1. Since |1 - a_1* a| <= (1 - |a_1|^2) + |a_1| T |1 -
 .. math:: |c| \le |c'| / (1 - T |a_1|),
 
 and of a box that reaches the circle c' = c. In continuous time (1 + x)/(1 - a x) = (b - p)/(s - p), b the corner of the map, p the
-pole, so that the amplitude of 1/(s - p) is at most |b - p| times as large. With p_1 that belongs to a_1, its own
-
-.. math:: c (p_1 + p_1^*)/(p + p_1^*) = c' (b - p_1), \qquad c \text{ the amplitude of } 1/(s - p).
+pole, so that the amplitude of 1/(s - p) is at most |b - p| times as large.
 """
 
 from __future__ import annotations
@@ -77,12 +75,8 @@ def modes_by_frequency(problem: MixedProblem) -> NDArray[np.intp]:
     return np.argsort(np.angle(poles[np.imag(poles) > 0]), kind="stable")
 
 
-def largest_amplitudes(
-    problem: MixedProblem, omega: Real, damping: Real, extractions: Extractions, near: NDArray[np.bool_]
-) -> Real:
+def largest_amplitudes(problem: MixedProblem, omega: Real, damping: Real, extractions: Extractions) -> Real:
     """Proved bounds of the amplitudes c of all modes in every entry, (M, ny, nu), modes in the order of the parametric part.
-
-    Of modes `near`, (M,), those of c'.
 
     Raises
     ------
@@ -102,7 +96,7 @@ def largest_amplitudes(
                 " the pole-uncertainty box; measure more frequency points around it or state a smaller box. `band` holds over the"
                 " box all the same"
             )
-        found[rank, i, j] = largest * _factors(problem, functions, omega[rank], damping[rank], near[rank])
+        found[rank, i, j] = largest * _factors(problem, functions, omega[rank], damping[rank])
         if problem.entries.symmetric:
             found[:, j, i] = found[:, i, j]
     return found
@@ -124,16 +118,14 @@ def _check_apart(problem: MixedProblem, functions: Functions) -> None:
         first += count
 
 
-def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: Real, near: NDArray[np.bool_]) -> Real:
-    """Largest |c/c'| over the box of every mode, (M,), modes and box by rising frequency; of those `near` that of their c'."""
+def _factors(problem: MixedProblem, functions: Functions, omega: Real, damping: Real) -> Real:
+    """Largest |c/c'| over the box of every mode, (M,), modes and box by rising frequency."""
     modes: Any = functions.modes
-    far = modes.reach > 0
-    size = np.where(far | near, 1.0, 1 / (1 - modes.distance * np.abs(modes.middle)))
-    size = np.where(far & near, np.inf, size)  # of such a box c' is c
+    size = np.where(modes.reach > 0, 1.0, 1 / (1 - modes.distance * np.abs(modes.middle)))
     if problem.dt:
         return size * _WIDER
     plane: Any = problem.plane
     corner = float(plane.corner)
     w, d = omega[:, 1], damping[:, 1]
     away = np.sqrt(corner**2 + 2 * corner * d * w + w**2)
-    return size * np.where(near, np.abs(corner - plane.exponents(modes.middle)), away) * _WIDER
+    return size * away * _WIDER

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from robustid.core import Real
 from robustid.guarantees.linear.functions import Box
 from robustid.guarantees.sweep import Known
 from robustid.identification import MixedProblem
-
-if TYPE_CHECKING:
-    pass
 
 _GRID = 40  # further candidates, equally spaced
 _THIN = 1e-3  # of a frequency, that is left out so near above another one, over a box

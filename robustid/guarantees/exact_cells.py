@@ -9,9 +9,7 @@ the remainders are added to may be too small by one rounding, which the claims a
           \Big|\frac{c}{1 - a/z} - \sum_{j<m} c\,(a - a_0)^j \frac{z^{-j}}{(1 - a_0/z)^{j+1}}\Big|
           \le \frac{|c|\, r^m}{d^m (d - r)}, \quad d = |1 - a_0/z|
 
-and the same for 1/(s - a), with d = |s - a_0|, in continuous time. Of modes that are expanded in powers of an inner function see
-`pole_series`: their radius is a hyperbolic distance, which is largest at the corners of a polygon around the poles in s, since
-hyperbolic discs are discs; and that of a = exp(s T) is at most that of s (Schwarz and Pick).
+and the same for 1/(s - a), with d = |s - a_0|, in continuous time.
 """
 
 from __future__ import annotations
@@ -25,11 +23,10 @@ import numpy as np
 from robustid.bases import kautz
 from robustid.core import Real
 from robustid.guarantees.pole_cells import REPEAT, PoleCell
-from robustid.guarantees.pole_series import inner_scale
 from robustid.identification import MixedProblem, ball_arithmetic
 
 if TYPE_CHECKING:
-    from flint import acb, arb
+    from flint import arb
 
 _HALF = 1 + 5e-10  # half of the allowance
 
@@ -61,9 +58,8 @@ class _Mode:
         self.ends = [[flint.arb(end) for end in side[number].tolist()] for side in (cell.omega, cell.damping)]
         self.means = [float(side[number]) for side in cell.centre]
         self.decay, self.turn = self._log(*map(flint.arb, self.means))
-        self.exponent = flint.acb(-self.decay, self.turn)
-        self.pole = self.exponent.exp() if cell.dt else self.exponent
-        self.near = bool(cell.near[number])
+        exponent = flint.acb(-self.decay, self.turn)
+        self.pole = exponent.exp() if cell.dt else exponent
 
     def _log(self, omega: arb, damping: arb) -> tuple[arb, arb]:
         """-Re and Im of the logarithm of a pole; in continuous time of the pole."""
@@ -73,30 +69,12 @@ class _Mode:
     def radius_holds(self) -> bool:
         """Return whether |a - a0| <= r on the whole cell: decay rises with both sides, the angle falls with the damping."""
         (w, v), (d, e) = self.ends
-        if self.near:
-            return all(self._apart(corner) <= self.radius for corner in self._corners())
         slow, fast = self._log(w, d)[0], self._log(v, e)[0]
         least, most = self._log(w, e)[1], self._log(v, d)[1]
         ends = ((fast - self.decay).max(self.decay - slow), (most - self.turn).max(self.turn - least))
         away, aside = (end.abs_upper() for end in ends)  # numbers, since a ball around 0 has no square root
         largest = (-slow).exp() if self.cell.dt else 1
         return self._below(largest * (away * away + aside * aside).sqrt(), self.radius)
-
-    def _corners(self) -> list[acb]:
-        """Corners of a polygon around the poles in s T: those of the box, and where the tangents at the ends of its arc meet."""
-        (w, v), (d, e) = self.ends
-        found = [self._s(omega, damping) for omega in (w, v) for damping in (d, e)]
-        first, last = (self._s(v, damping) for damping in (d, e))
-        middle = (first + last) / 2
-        return [*found, middle * (v * self.flint.arb(self.cell.dt or 1.0) / abs(middle)) ** 2]
-
-    def _s(self, omega: arb, damping: arb) -> acb:
-        decay, turn = self._log(omega, damping)
-        return self.flint.acb(-decay, turn)
-
-    def _apart(self, s: acb) -> arb:
-        """Hyperbolic distance from the middle, in s T."""
-        return abs((s - self.exponent) / (s + self.exponent.conjugate()))
 
     def intervals_hold(self) -> bool:
         """Return whether twice the coefficients c (a - a0)^j / a0^j, of functions of unit norm, lie in their intervals."""
@@ -106,8 +84,6 @@ class _Mode:
         for k, (row, stored) in enumerate(zip(one.C, ends, strict=True)):
             first = _norm(arb, one.A[k]) if cell.dt and cell.delay == 0 else arb(1)
             size = 2 * (self.radius / abs(self.pole)) ** (k // 2) * first / _norm(arb, row)
-            if self.near:
-                size = 2 * self.radius ** (k // 2) / arb(inner_scale(one))
             if not all(self._below(size * arb(c), arb(end)) for c, end in zip(self.amplitude, stored, strict=True)):
                 return False
         return True
@@ -118,10 +94,10 @@ class _Mode:
         turned = self.flint.acb(0, -self.flint.arb(omega * dt)).exp()
         for pole in (self.pole, self.pole.conjugate()):
             distance = abs(1 - pole * turned) if dt else abs(self.flint.acb(0, omega) - pole)
-            room = distance * (1 - self.radius) if self.near else distance - self.radius
+            room = distance - self.radius
             if not room > 0:
                 return None
-            total += (self.radius / (1 if self.near else distance)) ** REPEAT / room
+            total += (self.radius / distance) ** REPEAT / room
         return total
 
     def impulse_holds(self, count: int) -> bool:
@@ -130,9 +106,6 @@ class _Mode:
         stored = self.cell.impulse_remainder(count)[:, self.number].reshape(count, -1)
         for row, k in zip(stored, range(-self.cell.delay, count - self.cell.delay), strict=True):
             size = 2 * self.radius**REPEAT * math.comb(k, REPEAT) * largest ** (k - REPEAT) if k >= REPEAT else arb(0)
-            if self.near:  # the mean of the remainder on the circle
-                inside = (1 - abs(self.pole) ** 2).sqrt()
-                size = 2 * self.radius**REPEAT / ((1 - self.radius) * inside) if k >= 0 else arb(0)
             if not all(self._below(size * arb(c), arb(end)) for c, end in zip(self.amplitude, row, strict=True)):
                 return False
         return True

@@ -175,7 +175,7 @@ def _directions(arrays: Arrays, dt: float, most: int | None) -> list[Real]:
     sides, omega, stated = arrays["sides"], arrays["omega"].tolist(), arrays.get("directions")
     if sides.size != len(omega) or np.any(sides < 2) or (stated is not None and stated.size != np.sum(sides)):
         raise ValueError("its directions do not fit to its polygons")
-    # Two where the response is real only; fewer than were asked for where a distance was enough.
+    # Two where the response is real only; of matrices fewer than were asked for where the first ones were enough.
     spaced = [directions_at(w, dt, max(int(count), 3)) for w, count in zip(omega, sides, strict=True)]
     if stated is None and not np.array_equal(sides, [one.size for one in spaced]):
         raise ValueError("its polygons do not have the sides of their number of directions")

@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from robustid.bases import ParametricBasis, kautz, stack_bases
 from robustid.core import Array, Arrays, Complex, Frozen, Real, freeze
@@ -16,8 +16,6 @@ from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_of, extractions_over, largest_amplitudes
 from robustid.guarantees.box_parts import are_covered, lies_within
-from robustid.guarantees.linear.pole_discs import disc_around_box
-from robustid.guarantees.pole_series import inner_pair, inner_scale, norms_of
 from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
@@ -27,7 +25,6 @@ _ROUNDING = (
     1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4; of s, relative
 )
 _WIDER = 1 + 1e-9  # the same for products
-_NEAR = 0.8  # hyperbolic distance up to which a mode can be expanded in powers of an inner function
 _ENDLESS = 1e200  # stands for a remainder that does not converge
 
 
@@ -43,24 +40,17 @@ class PoleCell(Frozen):
     those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does
     to them. MIMO: every entry has its own c and C, all have the poles in common.
 
-    That is sharp far from the poles, where z^-1/(1 - a0 z^-1) is small. Modes `near` which a response is bounded are expanded in
-    powers of the inner function b = (z^-1 - a0*)/(1 - a0 z^-1) instead, a0 the hyperbolic middle of the cell (see `pole_series`):
-    multiples c' t^k of b^k/(1 - a0 z^-1), bounded by C r^k, and a remainder of at most C r^m / (d (1 - r)), r a bound of the
-    hyperbolic distance |t| of a from a0, C one of |c'|.
-
     Attributes
     ----------
     omega, damping : (M, 2) arrays
         Ends, rad/s and 1.
     amplitude : (M,) array; MIMO: (M, ny, nu)
-        C, the largest |c| of every mode, or |c'|.
+        C, the largest |c| of every mode.
     delay : int, samples
     dt : float, s
         0 in continuous time.
     proofs : tuple of Extraction
         Sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated.
-    near : (M,) bool array
-        Mask of the modes that are expanded in powers of an inner function; by default none.
     """
 
     omega: Real
@@ -69,28 +59,14 @@ class PoleCell(Frozen):
     delay: int
     dt: float
     proofs: Extractions = ()
-    near: NDArray[np.bool_] = dataclasses.field(default_factory=lambda: np.zeros(0, bool))
 
     def __post_init__(self) -> None:
-        self._set(near=self.near if self.near.size else np.zeros(len(self.omega), bool))
-        self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude", "near")})
-
-    @functools.cached_property
-    def _discs(self) -> tuple[Complex, Real]:
-        """Hyperbolic middles in s and radii of the modes, (M,) each; zeros of those that are expanded in another way."""
-        found = np.zeros(self.near.size, complex), np.zeros(self.near.size)
-        for k in np.flatnonzero(self.near).tolist():
-            found[0][k], found[1][k] = disc_around_box(self.omega[k], self.damping[k])
-        return found
+        self._set(**{name: freeze(getattr(self, name)) for name in ("omega", "damping", "amplitude")})
 
     @functools.cached_property
     def centre(self) -> tuple[Real, Real]:
         """Natural frequencies and damping ratios of the a0, (M,) each."""
-        s = self._discs[0]
-        size = np.where(self.near, np.abs(s), 1.0)
-        return np.where(self.near, size, self.omega.mean(axis=1)), np.where(
-            self.near, -s.real / size, self.damping.mean(axis=1)
-        )
+        return self.omega.mean(axis=1), self.damping.mean(axis=1)
 
     @functools.cached_property
     def middle(self) -> Complex:
@@ -101,8 +77,7 @@ class PoleCell(Frozen):
     def radius(self) -> Real:
         """Bound r of |a - a0|, (M,): at most the largest |a| times |log a - log a0|, whose parts lie in products of intervals.
 
-        In continuous time those of a and a0 themselves do. Of modes `near` the hyperbolic distance: that of a = exp(s T) is at most
-        that of s.
+        In continuous time those of a and a0 themselves do.
         """
         steps = (self.dt or 1.0) * self.omega
         decay, turn = _products(steps, self.damping), _products(steps, np.sqrt(1 - self.damping**2))
@@ -112,7 +87,7 @@ class PoleCell(Frozen):
             for (low, high), value in ((decay, -np.real(middle)), (turn, np.imag(middle)))
         ]
         largest = np.exp(-decay[0]) if self.dt else 1.0
-        return np.where(self.near, self._discs[1], largest * np.hypot(*away) * _WIDER + self._rounding)
+        return largest * np.hypot(*away) * _WIDER + self._rounding
 
     @property
     def _rounding(self) -> Real:
@@ -121,7 +96,7 @@ class PoleCell(Frozen):
 
     def basis(self) -> ParametricBasis:
         """Repeated pairs at the middle."""
-        return stack_bases([inner_pair(one) if near else one for one, near in zip(self._pairs, self.near, strict=True)])
+        return stack_bases(self._pairs)
 
     @functools.cached_property
     def _pairs(self) -> list[ParametricBasis]:
@@ -136,11 +111,8 @@ class PoleCell(Frozen):
             # binom(k, j) a^k has the transform a^j z^-j/(1 - a z^-1)^(j+1); c a^k + its conjugate = 2 Re c Re a^k - ...
             # In continuous time (w t)^j/j! exp(a t) has w^j/(s - a)^(j+1), w = |a|.
             scale = abs(self.middle[number])
-            norms = norms_of(one)
-            if self.near[number]:
-                scale, norms = 1.0, np.full(norms.size, 1 / inner_scale(one))
             shrink = float(self.radius[number] / scale) ** (np.arange(len(one.C)) // 2)
-            ends.append(2 * self.amplitude[number] * self._each(shrink) * self._each(norms))
+            ends.append(2 * self.amplitude[number] * self._each(shrink) * self._each(_norms_of(one)))
         half = np.concatenate(ends) * _WIDER
         return np.stack([-half, half], axis=-1)
 
@@ -161,10 +133,9 @@ class PoleCell(Frozen):
     def _left_out(self, distance: Real) -> Real:
         """Part that the expansion about poles at these distances (F, M) leaves out, (F, M); MIMO: (F, M, ny, nu)."""
         distance = distance - self._rounding
-        unit = np.where(self.near, 1.0, distance)
-        room = np.where(self.near, distance * (1 - self.radius), distance - self.radius)
+        room = distance - self.radius
         with np.errstate(divide="ignore", invalid="ignore"):
-            terms = self.amplitude * self._each((self.radius / unit) ** REPEAT) / self._each(room)
+            terms = self.amplitude * self._each((self.radius / distance) ** REPEAT) / self._each(room)
             return np.where(self._each(room) > 0, terms, np.inf)
 
     def slack_on(self, low: Real, high: Real) -> Real:
@@ -188,8 +159,7 @@ class PoleCell(Frozen):
     def impulse_remainder(self, count: int) -> Real:
         """Bound of what the expansion leaves out of the impulse response, (count, M); MIMO: (count, M, ny, nu).
 
-        2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole; of modes `near` 2 C r^m / ((1 - r) sqrt(1 - |a0|^2)), the
-        mean of the remainder on the circle at most.
+        2 C r^m binom(k, m) x^(k-m), x the largest modulus of a pole.
         """
         import scipy.special
 
@@ -197,9 +167,7 @@ class PoleCell(Frozen):
         largest = np.abs(self.middle) + self.radius
         ways = scipy.special.comb(np.maximum(k, 0), REPEAT) * _WIDER
         size = 2 * self.amplitude * self._each(self.radius**REPEAT)
-        power = ways * largest ** np.maximum(k - REPEAT, 0)
-        inner = (k >= 0) * _WIDER / ((1 - self.radius) * np.sqrt(1 - np.minimum(np.abs(self.middle), 1 - 1e-16) ** 2))
-        return size * self._each(np.where(self.near, inner, power))
+        return size * self._each(ways * largest ** np.maximum(k - REPEAT, 0))
 
     def _each(self, array: Array) -> Real:
         """An array whose last axis goes with the modes, with an axis more for each of the entries."""
@@ -245,10 +213,6 @@ class PoleCell(Frozen):
         bounds = bounds_at(problem, omega).reshape(omega.size, 1, -1)
         return int(np.argmax((weight / bounds).max(axis=(0, 2))))
 
-    def widest_at(self, omega: float) -> int:
-        """Mode whose remainder is largest at a frequency."""
-        return int(np.argmax(self.remainder(np.array([omega])).reshape(len(self.middle), -1).max(axis=1)))
-
     def split(self, problem: MixedProblem, mode: int, hyperbolic: bool = False) -> tuple[PoleCell, PoleCell] | None:
         """Two halves of the side of a mode that moves its pole more, each with its own amplitudes; None if these have no bound.
 
@@ -256,7 +220,7 @@ class PoleCell(Frozen):
         """
         sides = [np.ptp(self.omega[mode]), np.ptp(self.damping[mode]) * self.omega[mode].mean()]
         middle = self.omega[mode].mean(), self.damping[mode].mean()
-        if hyperbolic or self.near[mode]:
+        if hyperbolic:
             low, high = self.damping[mode].tolist()
             middle = middle[0], np.sqrt(low * high)
             sides = [sides[0] / (middle[0] * middle[1]), np.log(high / low)]
@@ -268,25 +232,17 @@ class PoleCell(Frozen):
             ends[name][mode, 1 - end] = cut
             box = ends["omega"], ends["damping"]
             try:
-                halves.append(proved_cell(problem, *box, self.delay, before=self.proofs, near=self.near))
+                halves.append(proved_cell(problem, *box, self.delay, before=self.proofs))
             except InputError:
                 return None
         return halves[0], halves[1]
 
-    def about(self, problem: MixedProblem, omega: float) -> PoleCell:
-        """The same cell, with those modes `near` whose remainder at a frequency is smaller then; nothing is searched anew."""
-        fits = np.array([disc_around_box(w, d)[1] < _NEAR for w, d in zip(self.omega, self.damping, strict=True)])
-        inner = self._with(problem, fits)
-        rest = [one.remainder(np.array([omega])).reshape(fits.size, -1).max(axis=1) for one in (self, inner)]
-        return self._with(problem, fits & (rest[1] < rest[0]))
-
-    def _with(self, problem: MixedProblem, near: NDArray[np.bool_]) -> PoleCell:
-        return proved_cell(problem, self.omega, self.damping, self.delay, self.proofs, near=near)
-
     def proved_again(self, problem: MixedProblem) -> Real | None:
         """Amplitudes that its proofs give, evaluated anew; None where they give none."""
+        if not self.proofs:
+            return None
         try:
-            return self._with(problem, self.near).amplitude if self.proofs else None
+            return proved_cell(problem, self.omega, self.damping, self.delay, self.proofs).amplitude
         except InputError:
             return None
 
@@ -319,7 +275,6 @@ def proved_cell(
     delay: int,
     proofs: Extractions | None = None,
     before: Extractions = (),
-    near: NDArray[np.bool_] | None = None,
 ) -> PoleCell:
     """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
 
@@ -332,28 +287,29 @@ def proved_cell(
     """
     own = _about(problem, omega, damping, delay)
     proofs = extractions_over(own, omega, damping, before) if proofs is None else proofs
-    near = np.zeros(len(omega), bool) if near is None else near
-    largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs, near))
-    return PoleCell(omega, damping, largest, delay, problem.dt, proofs, near)
+    largest = problem.entries.as_given(largest_amplitudes(own, omega, damping, proofs))
+    return PoleCell(omega, damping, largest, delay, problem.dt, proofs)
 
 
 def loaded_cell(
-    problem: MixedProblem,
-    omega: Real,
-    damping: Real,
-    delay: int,
-    multipliers: Sequence[Arrays],
-    near: NDArray[np.bool_] | None = None,
+    problem: MixedProblem, omega: Real, damping: Real, delay: int, multipliers: Sequence[Arrays]
 ) -> PoleCell:
     """Cell whose amplitudes known multipliers prove. ValueError for those of other entries or samples."""
     own = _about(problem, omega, damping, delay)
-    return proved_cell(problem, omega, damping, delay, extractions_of(own, omega, damping, multipliers), near=near)
+    return proved_cell(problem, omega, damping, delay, extractions_of(own, omega, damping, multipliers))
 
 
 def _about(problem: MixedProblem, omega: Real, damping: Real, delay: int) -> MixedProblem:
     """The statement with the pairs at the middle of a cell."""
     pairs = kautz(omega.mean(axis=1), damping.mean(axis=1), dt=problem.dt, delay=delay)
     return dataclasses.replace(problem, parametric=pairs, parameter_bounds=None)
+
+
+def _norms_of(pair: ParametricBasis) -> Real:
+    """H2 norms by which the functions of one repeated `kautz` pair are divided, (2 repeat,)."""
+    at_once = bool(pair.dt) and bool(np.any(pair.D))
+    plain = np.linalg.norm(pair.A[: pair.size], axis=1) if at_once else np.ones(pair.size)
+    return plain / np.linalg.norm(pair.C, axis=1)
 
 
 def _pole(omega: Real, damping: Real, dt: float) -> Complex:

@@ -45,22 +45,20 @@ def default_frequencies(problem: MixedProblem, modes: Real) -> Real:
     return np.unique(np.clip(np.concatenate([np.linspace(low, high, 24), modes.mean(axis=1)]), 0, top))
 
 
-def looked_at(
-    cell: PoleCell, problem: MixedProblem, budget: Budget | None = None
-) -> RefutedCell | ConsistentSet | None:
-    """Refutation of a cell, or the set of its relaxed problem; None where no sample says anything, or the time is over."""
+def looked_at(cell: PoleCell, problem: MixedProblem) -> RefutedCell | ConsistentSet | None:
+    """Refutation of a cell, or the set of its relaxed problem; None where no sample says anything."""
     posed = posed_relaxation(cell, problem)
     if posed is None:
         return None
-    found = decide_margin(posed.data, _INSIDE, _OUTSIDE, budget)
+    found = decide_margin(posed.data, _INSIDE, _OUTSIDE)
     if isinstance(found, MarginCertificate):
         return RefutedCell(cell, found)
     if found is not None:
         return set_of(posed, 1.0, [found])
-    claim, passed = prove_margin(posed.data, "structured", 1e-3, budget)
+    claim, passed = prove_margin(posed.data, "structured", 1e-3)
     if claim.certificate.value > 1:
         return RefutedCell(cell, claim.certificate)
-    return None if budget is not None and budget.over else set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
+    return set_of(posed, max(1.0, claim.margin * (1 + 1e-3)), passed)
 
 
 def searched(

@@ -11,19 +11,17 @@ from robustid.core import Budget, Complex, Pieces, Real
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, Extreme, independent_entries
 from robustid.guarantees.outline import Outline
 from robustid.guarantees.value_set import FINE, ValueSet, along, directions_at
-from robustid.identification import Functional, certify_support
-from robustid.identification.formulation import Rows
+from robustid.identification import Functional
 from robustid.identification.solver import Place
 
 _FIRST = 4  # directions of an entry of a matrix to begin with
-# Gaps from corners to what is reached: in a part, by consistent systems, for singular values, of one entry.
-_WITHIN, _ALL, _SHARP, _CLOSE = 2.5, 5.0, 1.0, 1.5
+# Gaps from corners to what is reached: in a part, by consistent systems, for singular values.
+_WITHIN, _ALL, _SHARP = 2.5, 5.0, 1.0
 _FINER = 0.25  # part of the gap, where the largest singular value asks for it
 _WORTH = 3.0  # gaps that tighter bounds of the entries may make up for
 _NEARLY = 2.0  # gaps of systems that are far in several entries from what there is
 _FEW = 3  # signals with which one system may be far in all entries
 _NEAR = np.radians(100.0)  # angle between sides from which one between them starts
-Earlier = tuple[Rows, ValueSet]  # of a larger set: its samples, in units of its bounds, and its polygon
 _STARTS, _STEPS = 12, 4  # of the search for a large singular value: among reached values, and among consistent systems
 
 
@@ -44,23 +42,18 @@ def value_sets_at(
     gap: float,
     about: Complex | None = None,
     budget: Budget | None = None,
-    enough: float | None = None,
-    before: Earlier | None = None,
 ) -> tuple[ValueSet, ...]:
     """Support function and attained points at one frequency, of every independent entry.
 
-    SISO: in all directions, unless a distance is `enough`, then from the multipliers of a larger set `before` on. MIMO: in as many
-    as the corner of every polygon that is farthest from a nominal value `about` (ny, nu) asks for; by default the value at the
-    centre. Nothing where the budget is over before its end.
+    SISO: in all directions. MIMO: in as many as the corner of every polygon that is farthest from a nominal value `about` (ny, nu)
+    asks for; by default the value at the centre. Nothing where the budget is over before its end.
     """
     here = consistent.with_node(omega)
     single = here.posed.problem.entries.single
-    angles = directions_at(omega, here.posed.problem.dt, directions if single and enough is None else FINE * directions)
+    angles = directions_at(omega, here.posed.problem.dt, directions if single else FINE * directions)
     search = _Search(here, omega, angles, gap, about, Pieces(budget))
     try:
-        if not single:
-            return search.mimo()
-        return (search.siso() if enough is None else search.within(enough, before),)
+        return (search.siso(),) if single else search.mimo()
     except _TimeIsOver:
         return ()
 
@@ -112,40 +105,6 @@ class _Search:
         points = np.array([self._value(one)[0, 0] for one in found])
         support, proofs = np.array([one.upper for one in found]), tuple(one.certificate for one in found)
         return ValueSet(self._omega, self._angles, support, points, float(tail), proofs)
-
-    def within(self, enough: float, before: Earlier | None) -> ValueSet:
-        """The only entry, in as many directions as the corner that is farthest from the nominal value asks for.
-
-        Until it is so near that it is `enough`, or near to a value that is reached.
-        """
-        polygon = None if before is None else self._taken_over(before)
-        polygon = self._begun((0, 0)) if polygon is None else polygon
-        polygon.step = 1
-        self._sharpen(polygon, _CLOSE, enough)
-        order, proofs = polygon.order, tuple(polygon.sides[k].certificate for k in polygon.order)
-        points = np.array([self._value(polygon.sides[k])[0, 0] for k in order])
-        return ValueSet(self._omega, polygon.angles[order], polygon.support, points, float(self._tail[0]), proofs)
-
-    def _taken_over(self, before: Earlier) -> Outline | None:
-        """Sides that the multipliers of those of a larger set prove here, nothing solved; None where they do not fit.
-
-        They are about as tight as there, and are solved again one by one where the farthest corner lies.
-        """
-        data, (rows, values) = self._here.data, before
-        polygon = Outline((0, 0), self._angles, complex(self._origin[0, 0]))
-        if rows.y.shape != data.rows.y.shape:
-            return None
-        # In units of the bounds, which are others here.
-        units = np.divide(np.abs(rows.y), np.abs(data.rows.y), out=np.ones(rows.y.size), where=data.rows.y != 0)
-        for angle, proof in zip(values.directions.tolist(), values.certificates, strict=True):
-            direction = round(angle / (2 * np.pi) * self._angles.size) % self._angles.size
-            if proof.left.shape[0] != data.sarason.shape[0] or self._angles[direction] != angle:
-                return None
-            told = self._functional((0, 0), direction), units * proof.samples, proof.left @ proof.right.T
-            found = certify_support(*told, self._here.level, data.rows, data.sarason)
-            side = Extreme(found.value, -np.inf, self._here.center.x, self._here.center.p, found)
-            polygon.add(direction, side, polygon.origin)
-        return polygon
 
     def _beside(self, sides: dict[int, Extreme], direction: int) -> Place | None:
         """A place on the way to an extreme from those of the sides next to it; None where they are too far apart.
@@ -252,26 +211,20 @@ class _Search:
 
     def _polygon(self, entry: Entry) -> Outline:
         """A few sides, and more until the farthest corner is near to a value that is reached."""
-        polygon = self._begun(entry)
-        self._sharpen(polygon, _WITHIN)
-        return polygon
-
-    def _begun(self, entry: Entry) -> Outline:
-        """A few sides."""
         polygon, count = Outline(entry, self._angles, complex(self._origin[entry])), self._angles.size
         polygon.step = FINE if count > 2 else 1
         count //= polygon.step
         first = {round(k * count / _FIRST) % count for k in range(_FIRST)} if count > _FIRST else range(count)
         for direction in (k * polygon.step for k in first):
             self._side(polygon, direction)
+        self._sharpen(polygon, _WITHIN)
         return polygon
 
-    def _sharpen(self, polygon: Outline, within: float, enough: float = 0.0) -> None:
+    def _sharpen(self, polygon: Outline, within: float) -> None:
         """Cut corners off, from the part of the problem that sees the entry; the farthest is so many gaps from what is reached."""
-        while polygon.radius > enough and polygon.extent < (1 - within * self._gap) * polygon.radius:
-            unsolved = [k for k in polygon.beside if k not in polygon.whole] if self._entries.single else []
-            direction = unsolved[0] if unsolved else polygon.between
-            if direction is None or (direction in polygon.sides and not unsolved):
+        while polygon.extent < (1 - within * self._gap) * polygon.radius:
+            direction = polygon.between
+            if direction is None or direction in polygon.sides:
                 return
             self._side(polygon, direction)
 
@@ -280,9 +233,7 @@ class _Search:
         functional, before = self._functional(polygon.entry, direction), polygon.sides.get(direction)
         found = None if whole else self._begin().bounded(functional, self._gap)
         if found is None:
-            single = self._entries.single
-            near = self._beside(polygon.sides, direction) if single else None
-            found = self._begin().extreme_of_all(functional, self._gap, near, early=single)
+            found = self._begin().extreme_of_all(functional, self._gap)
             self._take(found)
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])

@@ -48,12 +48,8 @@ class _Cell(TypedDict):
     amplitudes: tuple[Arrays, ...]
 
 
-class _NearCell(_Cell):
-    near: tuple[bool, ...]  # modes that are expanded in powers of an inner function
-
-
 class _Kept(TypedDict):
-    cell: _Cell | _NearCell
+    cell: _Cell
     values: Arrays
 
 
@@ -63,18 +59,18 @@ class _Sums(TypedDict):
 
 
 class _Summed(TypedDict):
-    cell: _Cell | _NearCell
+    cell: _Cell
     omega: Real
     sums: tuple[_Sums, ...]
 
 
 class _Refuted(TypedDict):
-    cell: _Cell | _NearCell
+    cell: _Cell
     certificate: MarginCertificate
 
 
 class _RefutedBySums(TypedDict):
-    cell: _Cell | _NearCell
+    cell: _Cell
     angle: float
     entry: int
     sums: _Sums
@@ -189,12 +185,9 @@ def _make_over_poles(
 ) -> WorstCaseOverPoles:
     problem, delay = identification.problem, as_count("delay", delay)
 
-    def loaded(cell: _Cell | _NearCell) -> PoleCell:
+    def loaded(cell: _Cell) -> PoleCell:
         omega, damping = cell["ends"]
-        near = np.array(cell["near"] if "near" in cell else np.zeros(len(omega)), dtype=bool)
-        if near.size != len(omega):
-            raise ValueError("its modes are not those of the cell")
-        return loaded_cell(problem, omega, damping, delay, cell["amplitudes"], near)
+        return loaded_cell(problem, omega, damping, delay, cell["amplitudes"])
 
     def kept_cell(item: _Kept | _Summed) -> KeptCell | SummedCell:
         cell = loaded(item["cell"])
@@ -231,10 +224,8 @@ def _band_of_sums(proof: Extraction, sums: _Sums, angles: Real) -> DirectedBand:
     return DirectedBand(sides, angles, points, c.astype(np.complex64))
 
 
-def _cell(cell: PoleCell) -> _Cell | _NearCell:
-    amplitudes = tuple(_amplitudes(one) for one in cell.proofs)
-    plain: _Cell = {"ends": (cell.omega, cell.damping), "amplitudes": amplitudes}
-    return {**plain, "near": tuple(cell.near.tolist())} if cell.near.any() else plain
+def _cell(cell: PoleCell) -> _Cell:
+    return {"ends": (cell.omega, cell.damping), "amplitudes": tuple(_amplitudes(one) for one in cell.proofs)}
 
 
 def _own_nominal(result: Bounded) -> StateMatrices | None:

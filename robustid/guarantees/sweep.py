@@ -33,7 +33,7 @@ from robustid.core import (
 from robustid.errors import InputError, SolverError
 from robustid.guarantees.consistent_set import ConsistentSet
 from robustid.guarantees.packing import pack_values, unpack_values
-from robustid.guarantees.polygons import Earlier, value_sets_at
+from robustid.guarantees.polygons import value_sets_at
 from robustid.guarantees.value_set import ValueSet
 
 if TYPE_CHECKING:
@@ -135,15 +135,12 @@ def value_sets(
     model: control.StateSpace | None = None,
     known: Known | None = None,
     least: int = 1,
-    enough: float | None = None,
-    before: Earlier | None = None,
 ) -> list[ValueSet]:
     """The value sets of all entries at each frequency, in their order; `progress` is told of them.
 
-    Those of matrices, and of one entry where a distance is `enough`, have their sides where they bound the distance from a
-    model, from those `before` on, of a larger set. `_order` says which come first; a folder holds those that are finished. Where
-    the budget is over, and on Ctrl-C without a folder, those finished by then, of the budget so many at `least`; one that is
-    begun in this process is given up there.
+    Those of matrices have their sides where they bound the distance from a model. `_order` says which come first; a folder holds
+    those that are finished. Where the budget is over, and on Ctrl-C without a folder, those finished by then, of the budget so
+    many at `least`; one that is begun in this process is given up there.
     """
     executor, progress, resume, budget = means
     store = None if resume is None else _Store(resume, consistent, directions, gap)
@@ -160,8 +157,8 @@ def value_sets(
     with Interruptible(lambda: store is None and bool(found)) as sweep:
         try:
             # Closed at once, whatever happens: the processes of our own end with it.
-            about = {} if model is None else _values_of(model, missing, consistent, enough is None)
-            whole = functools.partial(_one, directions=directions, gap=gap, about=about, enough=enough, before=before)
+            about = {} if model is None else _values_of(model, missing, consistent)
+            whole = functools.partial(_one, directions=directions, gap=gap, about=about)
 
             def ask(here: ConsistentSet, w: float) -> Sets:
                 return whole(here, w, budget=budget if len(found) >= least else None)
@@ -233,12 +230,10 @@ def spread_order(count: int) -> list[int]:
     return [k for k in turned if k < count]
 
 
-def _values_of(
-    model: control.StateSpace, omega: list[float], consistent: ConsistentSet, spaced: bool
-) -> dict[float, Complex]:
+def _values_of(model: control.StateSpace, omega: list[float], consistent: ConsistentSet) -> dict[float, Complex]:
     """Values of a model at frequencies, where sides are found around them."""
     problem = consistent.posed.problem
-    if problem.entries.single and spaced:
+    if problem.entries.single:
         return {}
     return dict(zip(omega, problem.plane.values_at(model, np.array(omega)), strict=True))
 
@@ -249,11 +244,9 @@ def _one(
     directions: int,
     gap: float,
     about: Mapping[float, Complex],
-    enough: float | None,
-    before: Earlier | None,
     budget: Budget | None = None,
 ) -> Sets:
-    return value_sets_at(consistent, omega, directions, gap, about.get(omega), budget, enough, before)
+    return value_sets_at(consistent, omega, directions, gap, about.get(omega), budget)
 
 
 class _Store:

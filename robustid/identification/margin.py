@@ -95,12 +95,10 @@ def _cut_short(claim: Claim, why: str) -> Claim:
     return dataclasses.replace(claim, accuracy=claim.width, stopped=words)
 
 
-def decide_margin(
-    data: ConvexData, inside: float, above: float, budget: Budget | None = None
-) -> Candidate | MarginCertificate | None:
+def decide_margin(data: ConvexData, inside: float, above: float) -> Candidate | MarginCertificate | None:
     """Return what the path shows first: a point whose margin is at most `inside`, or a certificate of one `above`.
 
-    None where neither is, or the time is over: a margin between the two takes `prove_margin`.
+    None where neither is: a margin between the two takes `prove_margin`.
     """
     for candidate, margin, gap in margin_path(data):
         reached = data.margin(candidate.x, candidate.p)
@@ -110,8 +108,6 @@ def decide_margin(
             certificate = certify_margin(candidate.samples, candidate.ball, reached, data.rows, data.sarason)
             if certificate.value > above:
                 return certificate
-        if budget is not None and budget.over:
-            return None
     return None
 
 

@@ -64,7 +64,7 @@ def test_bounds_hold_at_the_edge_of_the_class(kind, seed):
     """Gain exactly K, poles in a corner of their box, records and matrices too: against the residues of the plants."""
     plant = next(one for k in range(40) if (one := edge_plant(kind, 40 * seed + k)).box is not None)
     proofs = extractions_over(plant.problem, *plant.box)
-    found = largest_amplitudes(plant.problem, *plant.box, proofs, np.zeros(1, bool))
+    found = largest_amplitudes(plant.problem, *plant.box, proofs)
     assert found.shape == (1, *plant.problem.entries.shape)
     assert np.all(np.abs(plant.residue) <= found[0])
     assert np.all(np.isfinite(found))

@@ -27,14 +27,12 @@ def problem_of(shape: tuple[int, ...]) -> rid.MixedProblem:
 
 
 @pytest.mark.parametrize("width", [0.0, 1e-11, 1e-3, 0.1, 0.3])
-@pytest.mark.parametrize("near", [False, True])
 @pytest.mark.parametrize(("delay", "shape"), [(0, ()), (1, (2, 2)), (2, (1, 3))])
-def test_cells_cover_their_poles(width: float, delay: int, shape: tuple[int, ...], near: bool) -> None:
+def test_cells_cover_their_poles(width: float, delay: int, shape: tuple[int, ...]) -> None:
     """Five drawn cells of every width, delay and shape: all of them."""
     rng = np.random.default_rng(delay)
     assert all(
-        relaxed_enough(drawn_cell(rng, width, delay=delay, shape=shape, near=near), problem_of(shape), OMEGA)
-        for _ in range(5)
+        relaxed_enough(drawn_cell(rng, width, delay=delay, shape=shape), problem_of(shape), OMEGA) for _ in range(5)
     )
 
 
@@ -44,17 +42,15 @@ def fallen_short(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr(PoleCell, name, lambda *arguments: (1 - 1e-8) * whole(*arguments))
 
 
-@pytest.mark.parametrize("near", [False, True])
 @pytest.mark.parametrize("name", ["intervals", "remainder", "impulse_remainder"])
-def test_numbers_that_fall_short_are_found(monkeypatch: pytest.MonkeyPatch, name: str, near: bool) -> None:
-    cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=(2, 2), near=near)
+def test_numbers_that_fall_short_are_found(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=(2, 2))
     fallen_short(monkeypatch, name)
     assert not relaxed_enough(cell, problem_of((2, 2)), OMEGA)
 
 
-@pytest.mark.parametrize("near", [False, True])
-def test_a_radius_that_leaves_out_a_corner_is_found(near: bool) -> None:
-    cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=(), near=near)
+def test_a_radius_that_leaves_out_a_corner_is_found() -> None:
+    cell = drawn_cell(np.random.default_rng(3), 0.1, delay=1, shape=())
     radius = np.array(cell.radius)
     radius[1] *= 1 - 1e-8
     short = dataclasses.replace(cell)

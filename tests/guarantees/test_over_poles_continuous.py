@@ -18,8 +18,8 @@ def test_cells_cover_their_poles_in_ball_arithmetic(width):
 
     problem, omega = plant()[0], np.array([0.0, 5.0, 12.0, 300.0])
     rng = np.random.default_rng(1)
-    for near in (False, True) * 3:
-        cell = drawn_cell(rng, width, dt=0.0, near=near)
+    for _ in range(6):
+        cell = drawn_cell(rng, width, dt=0.0)
         assert relaxed_enough(cell, problem, omega)
         short = dataclasses.replace(cell)
         short.__dict__["radius"] = np.asarray(cell.radius) * (1 - 1e-8)

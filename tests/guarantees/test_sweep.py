@@ -178,12 +178,14 @@ def test_a_finished_folder_answers_everything(result, expected, tmp_path, monkey
     assert calls == [(4, 4)]
 
 
-def test_polygons_with_fewer_sides_than_asked_for_are_taken_from_the_folder(result, tmp_path, monkeypatch):
-    ask = result.model, None, 1, 1e9  # the first four sides are enough
-    means, here = sweep.Means(resume=tmp_path), consistent_set(result)
-    first = sweep.value_sets(here, np.array(OMEGA), 8, 0.1, means, *ask)
+def test_polygons_with_fewer_sides_than_asked_for_are_taken_from_the_folder(tmp_path, monkeypatch):
+    frf = rid.FrequencyResponse(np.array([0.4, 1.0, 1.9]), np.full((3, 2, 2), 0.1), bound=0.1, dt=1.0)
+    matrix = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2)))
+    ask = np.array([0.7]), 8, 1.0, sweep.Means(resume=tmp_path)  # of so wide a gap the first four sides are enough
+    here = consistent_set(matrix)
+    first = sweep.value_sets(here, *ask)
     monkeypatch.setattr(sweep, "value_sets_at", none_left)
-    again = sweep.value_sets(here, np.array(OMEGA), 8, 0.1, means, *ask)
+    again = sweep.value_sets(here, *ask)
     assert [v.directions.size for v in again] == [4, 4, 4, 4]
     assert [v.support.tolist() for v in again] == [v.support.tolist() for v in first]
 

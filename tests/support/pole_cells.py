@@ -7,22 +7,14 @@ import robustid as rid
 from robustid.guarantees import PoleCell
 
 
-def drawn_cell(rng, width, *, dt=0.01, delay=1, modes=2, shape=(), near=False):
-    """Of modes in continuous time for dt = 0; ends to `width` of the damping; all modes `near` or none."""
+def drawn_cell(rng, width, *, dt=0.01, delay=1, modes=2, shape=()):
+    """Of modes in continuous time for dt = 0; ends to `width` of the damping."""
     middle = (2 * np.pi if dt else 1.0) * np.sort(rng.uniform(5, 40, modes))
     damping = rng.uniform(0.005, 0.1, modes)
     spread = width * damping * middle
     ends = np.stack([middle - spread, middle + spread], axis=1), damping[:, None] * np.array([1 - width, 1 + width])
     amplitude = rng.uniform(0.1, 2, (modes, *shape))
-    return PoleCell(*ends, amplitude, delay if dt else 0, dt, near=np.full(modes, near))
-
-
-def drawn_amplitudes(cell, poles, rng, share=1.0):
-    """The c of modes whose amplitudes, c or c', are a share of the largest."""
-    c = share * cell.amplitude * np.exp(2j * np.pi * rng.uniform(size=poles.size))
-    a0 = cell.middle
-    factor = (1 - abs(a0) ** 2) / (1 - a0.conj() * poles) if cell.dt else (a0 + a0.conj()) / (poles + a0.conj())
-    return np.where(cell.near, c / factor, c)
+    return PoleCell(*ends, amplitude, delay if dt else 0, dt)
 
 
 def drawn_poles(cell, rng):
@@ -61,11 +53,8 @@ def impulse_of(cell, c, poles, count):
 def expansion(cell, c, poles):
     """Coefficients of modes in the functions of the cell.
 
-    In powers of an inner function: by the values of these functions at random points of the disc, and of c' t^k.
     Those of c a^k in binom(k, j) a0^k are c ((a - a0)/a0)^j, those of c exp(a t) in t^j/j! exp(a0 t) are c (a - a0)^j.
     """
-    if cell.near.any():
-        return _inner_expansion(cell, c, poles)
     p, k = [], np.arange(4) if cell.dt else np.linspace(0, 0.4, 9)
     ways = [1 + 0 * k, k, k * (k - 1) / 2 if cell.dt else k**2 / 2]
     for number, (amplitude, a, a0) in enumerate(zip(c, poles, cell.middle, strict=True)):
@@ -81,23 +70,3 @@ def expansion(cell, c, poles):
             factor = 2 * amplitude * away**j
             p.append(np.array([factor.real, -factor.imag]) * sizes)
     return np.concatenate(p)
-
-
-def _inner_expansion(cell, c, poles):
-    """Least squares on b^k/(1 - a0 x), whose coefficients are c' t^k: the functions of the cell must take them all."""
-    omega = np.linspace(0, np.pi / cell.dt if cell.dt else 80.0, 200)
-    x, total = np.exp(-1j * omega * cell.dt)[:, None], 0
-    for a, a0, amplitude in ((poles, cell.middle, c), (poles.conj(), cell.middle.conj(), c.conj())):
-        if cell.dt:
-            b, t, first = (x - a0.conj()) / (1 - a0 * x), (a - a0) / (1 - a0.conj() * a), 1 / (1 - a0 * x)
-            first = first * x**cell.delay * (1 - abs(a0) ** 2) / (1 - a0.conj() * a)
-        else:
-            s = 1j * omega[:, None]
-            b, t, first = (s + a0.conj()) / (s - a0), (a - a0) / (a + a0.conj()), 1 / (s - a0)
-            first = first * (a0 + a0.conj()) / (a + a0.conj())
-        total = total + (amplitude * first * (1 + t * b + (t * b) ** 2)).sum(axis=1)
-    values = functions_at(cell, omega)
-    both = np.concatenate([values.real, values.imag])
-    p = np.linalg.lstsq(both, np.concatenate([total.real, total.imag]), rcond=None)[0]
-    np.testing.assert_allclose(values @ p, total, atol=1e-8 * np.abs(total).max())
-    return p

@@ -267,11 +267,6 @@ def _middle_of(numbers: bytes) -> complex:
     return min((of(found.x), of(np.zeros(2))), key=radius)
 
 
-def disc_around_box(omega: Real, damping: Real) -> tuple[complex, float]:
-    """Middle in s and radius of a small hyperbolic disc around the poles of one mode, with both sides in intervals (2,)."""
-    return _disc_around(hull(omega, damping))
-
-
 def bounds_of_coefficients(T: float, m: int) -> Real:
     """Bounds of |R_nl| for poles within T of the middle, n along the rows, of the m amplitudes of a group, (_ENDLESS, m)."""
     n = np.arange(m, _ENDLESS)
