@@ -37,7 +37,7 @@ def further_points(
 
 
 def contradicted(sides: Sides, target: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
-    """How far each line lies outside its disc around the value of the farthest system of every direction, (M, lines).
+    """Distances of the lines outside their discs around the values of the farthest system of every direction, (M, lines).
 
     The bound is B(c) = max Re(turn F(z_0)) over what the chosen samples leave; its slope along c_k, without the term of the bound
     of sample k, is y_k - f_k of the system that attains it.
