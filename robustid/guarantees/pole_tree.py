@@ -38,7 +38,7 @@ _DEEP, _LESS = (
 
 
 class Polygon(NamedTuple):
-    """What sums say of an entry of a cell at one frequency: points (n,), multipliers (M, n) and bounds (M,)."""
+    """Points (n,), multipliers (M, n) and bounds (M,): the sides of an entry of a cell at one frequency."""
 
     points: NDArray[np.intp]
     multipliers: NDArray[np.complex64]
