@@ -22,6 +22,7 @@ from robustid.guarantees.value_set import (
     ValueSet,
     by_frequency,
     closes,
+    directions_at,
     value_set_claims,
 )
 from robustid.identification import MarginCertificate, MixedProblem
@@ -129,22 +130,23 @@ class RefutedCell(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SumsClaim(Frozen):
-    """Sums of one direction each over the samples of an entry bound its values by what is stated, (F, M)."""
+    """Sums of one direction each over the samples of an entry bound its values at frequencies by what is stated of each."""
 
     name: str
     band: DirectedBand
-    stated: Real
+    omega: Real
+    stated: tuple[Real, ...]
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate them again; `exact` in ball arithmetic (`robustid[exact]`), by code of its own."""
         again = dataclasses.replace(self.band)  # nothing that was computed before is taken over
         fits = directed_fit(again.sides, again.points, again.multipliers, again.angles.size)
-        return (
-            fits
-            and extraction_fits(again.extraction)
-            and bool(np.all(again.knot_supports <= self.stated))
-            and (not exact or sides_hold_exactly(again))
-        )
+        if not (fits and extraction_fits(again.extraction) and len(self.stated) == again.angles.size):
+            return False
+        dt = again.samples.problem.dt
+        proved = [sides_at(*each, dt)[1] for each in zip(self.omega.tolist(), again.knot_supports, strict=True)]
+        holds = all(one.shape == own.shape and np.all(one <= own) for one, own in zip(proved, self.stated, strict=True))
+        return holds and (not exact or sides_hold_exactly(again))
 
 
 Claim = SupportClaim | RefutationClaim | SumsClaim
@@ -170,9 +172,8 @@ class SummedCell(Cell):
         values: list[ValueSet] = []
         for k, w in enumerate(omega.tolist()):
             for one in bands:
-                support = one.knot_supports[k]
+                theta, support = sides_at(w, one.knot_supports[k], problem.dt)
                 nothing = np.full((support.size, *problem.entries.shape), np.nan, complex)
-                theta: Real = np.linspace(0, 2 * np.pi, int(support.size), endpoint=False)
                 parts = theta, support, nothing[:, 0, 0], 0.0, (), one.samples.entry, nothing
                 values.append(ValueSet(w, *parts))
         return cls(tuple(values), cell, bands)
@@ -186,8 +187,8 @@ class SummedCell(Cell):
         """Claims of the polygons of every entry."""
         for band in self.bands:
             entry = band.samples.entry
-            stated = np.array([one.support for one in self.of_entry(*entry)])
-            yield SumsClaim(f"{name}{which(problem, entry)}", band, stated)
+            stated = tuple(one.support for one in self.of_entry(*entry))
+            yield SumsClaim(f"{name}{which(problem, entry)}", band, self.omega, stated)
 
     def is_about(self, problem: MixedProblem, omega: Real) -> bool:
         """Return whether there are closed polygons of all entries at some of the frequencies, from sums over this cell."""
@@ -212,13 +213,21 @@ class RefutedBySums(Frozen):
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SumsClaim]:
         """The one that it makes."""
-        yield SumsClaim(f"{name}, refuted", self.band, self.band.knot_supports)
+        omega = problem.plane.omega(self.band.angles)
+        stated = sides_at(float(omega[0]), self.band.knot_supports[0], problem.dt)[1]
+        yield SumsClaim(f"{name}, refuted", self.band, omega, (stated,))
 
 
 def _of_cell(band: DirectedBand, cell: PoleCell) -> bool:
     """Return whether sums are over the samples with their poles in a cell, and over nothing else."""
     own = [one for one in cell.proofs if one is band.extraction and one.samples is band.samples]
     return bool(own) and not len(band.sides.corners)
+
+
+def sides_at(omega: float, bounds: Real, dt: float) -> tuple[Real, Real]:
+    """Directions and sides of a polygon, of bounds (M,) of equally spaced ones: both ends where the response is real."""
+    theta: Real = directions_at(omega, dt, int(bounds.size))
+    return theta, bounds if theta.size == bounds.size else bounds[[0, bounds.size // 2]]
 
 
 def is_empty(bounds: Real) -> bool:

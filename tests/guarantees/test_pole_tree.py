@@ -192,6 +192,19 @@ def test_sums_that_are_others_prove_what_they_prove_and_stated_values_below_them
     refused("do not belong to the samples", rid.load, tmp_path / "box", error=FileFormatError)
 
 
+def test_where_the_response_is_real_two_sides_close_the_polygon(tmp_path):
+    """At zero and half of the sampling frequency."""
+    one, ends = identified(bound=SMALL), [0.0, NEAR, np.pi / 0.1]
+    found = polygons_of(one, BOX, ends)
+    for value in (value for item in found.kept for value in item.values):
+        assert value.directions.size == (16 if value.omega == NEAR else 2)
+    assert found.verify()
+    error = np.abs(response(np.array(ends)) - one.problem.plane.values_at(one.model, np.array(ends))[:, 0, 0])
+    assert np.all(error <= found.upper[:, 0, 0])
+    rid.save(tmp_path / "box", found)
+    np.testing.assert_array_equal(rid.load(tmp_path / "box").upper, found.upper)
+
+
 def test_an_amplitude_below_the_proved_one_is_not_accepted():
     found = polygons()
     first = found.kept[0]
