@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import importlib.util
 
 import numpy as np
 import pytest
@@ -201,6 +202,26 @@ def test_where_the_response_is_real_two_sides_close_the_polygon(tmp_path):
     assert found.verify()
     error = np.abs(response(np.array(ends)) - one.problem.plane.values_at(one.model, np.array(ends))[:, 0, 0])
     assert np.all(error <= found.upper[:, 0, 0])
+    rid.save(tmp_path / "box", found)
+    np.testing.assert_array_equal(rid.load(tmp_path / "box").upper, found.upper)
+
+
+def test_beside_a_record_sums_over_lines_prove_the_polygons(tmp_path):
+    """The samples of a record help to bound the amplitudes, and are left out of the sums."""
+    plain, rng = identified(bound=SMALL).problem, np.random.default_rng(0)
+    a = np.exp(-0.05 + 1j * np.sqrt(1 - 0.05**2))
+    taps = np.arange(40)
+    impulse = 2 * np.real(0.3 * a ** (taps - 1)) * (taps > 0) + 0.5 ** (taps + 1)
+    u = rng.standard_normal(40)
+    y = np.convolve(u, impulse)[:40] + rng.uniform(-SMALL, SMALL, 40)
+    record = rid.TimeRecord(u, y, bound=SMALL, dt=0.1, initial="rest")
+    one = rid.identify(dataclasses.replace(plain, time=record))
+    assert one.consistent
+    found = polygons_of(one, BOX, [NEAR])
+    assert found.kept[0].bands[0].samples.rows
+    error = np.abs(response(NEAR) - one.problem.plane.values_at(one.model, np.array([NEAR]))[0, 0, 0])
+    assert error <= found.upper[0, 0, 0] <= rid.band(one, omega=[NEAR], box=BOX, knots=40).upper[0, 0, 0]
+    assert found.verify(exact=importlib.util.find_spec("flint") is not None)
     rid.save(tmp_path / "box", found)
     np.testing.assert_array_equal(rid.load(tmp_path / "box").upper, found.upper)
 

@@ -49,7 +49,7 @@ def directions(count: int) -> Complex:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sides(Frozen):
-    """Samples with polygons at the last of their points, as certificates of a direction see them: no records."""
+    """Samples with polygons at the last of their points, as certificates of a direction see them: without records."""
 
     samples: Samples
     extraction: Extraction
@@ -292,7 +292,7 @@ class DirectedBand(Frozen):
 def directed_fit(sides: Sides, points: NDArray[np.intp], c: NDArray[np.complexfloating], count: int) -> bool:
     """Return whether so many rows of points and multipliers belong to the samples, each point once in a row."""
     fits = c.ndim == 3 and points.ndim == 2 and (len(points), len(c)) == (count, count) and c.shape[1] >= 3
-    if not (fits and c.shape[2] == points.shape[1] and not sides.samples.rows and np.all(np.isfinite(c))):
+    if not (fits and c.shape[2] == points.shape[1] and np.all(np.isfinite(c))):
         return False
     inside = not points.size or (points.min() >= 0 and points.max() < sides.half)
     return bool(inside and np.all(np.diff(np.sort(points, axis=1), axis=1) > 0))
