@@ -82,14 +82,15 @@ def judged(kind, seed):
     lines = result.problem.frequency[0].omega
     plain, between = rid.band(result, box=edge.box, knots=150), np.sort(rng.uniform(lines.min(), lines.max(), 3))
     least = {"omega": between, "directions": 6, "rtol": 0.2}
-    if edge.box is None:
-        polygons = rid.worst_case_error(result, **least)
-    else:
-        delay = delay_of(edge)
-        polygons = rid.guarantee.worst_case_over_poles(result, *edge.box, **least, cells=1, delay=delay)
     directed = seed % 2 == 0  # certificates of one direction each; of all directions else
     before = plain.by_directions(Budget()) if seed % 4 == 0 else plain  # from those of the lines on
-    found = before.between(polygons, Budget() if directed else None)
+    if edge.box is not None and directed:  # polygons of sums over cells; of programs else
+        found = plain.refine(result, omega=between)
+    elif edge.box is not None:
+        cells = {"cells": 1, "delay": delay_of(edge)}
+        found = before.between(rid.guarantee.worst_case_over_poles(result, *edge.box, **least, **cells), None)
+    else:
+        found = before.between(rid.worst_case_error(result, **least), Budget() if directed else None)
     low, high = found.range
     count = POINTS // (2 * result.problem.entries.count)
     omega = np.concatenate([rng.uniform(lines.min(), lines.max(), count), rng.uniform(0, edge.top, count)])
