@@ -66,7 +66,7 @@ B = TypeVar("B", bound=Refinable)
 
 
 class Programs(abc.ABC):
-    """Semidefinite programs of one statement, and the polygons that were found."""
+    """The polygons of one statement that were found, of semidefinite programs or of sums over cells."""
 
     together: int  # frequencies that are chosen at once
     most = in_time = _MOST  # in all; where there is a limit of time

@@ -233,7 +233,7 @@ class _Bounds:
         self.certified &= found.certified
 
     def _keep_band(self, work: Work) -> None:
-        """Keep the band with what semidefinite programs add to it, and say that."""
+        """Keep the band with what polygons add to it, and say that."""
         from robustid.app.run.sequence import refined
 
         refined(work)

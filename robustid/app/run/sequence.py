@@ -258,7 +258,7 @@ def seen_between(work: Work) -> None:
 
 
 def refined(work: Work) -> None:
-    """The band around the model, kept, with what semidefinite programs add: at exact poles the sweep, over a box those over it."""
+    """The band around the model, kept, with what polygons add: at exact poles those of the sweep, over a box those over it."""
     if work.band is None:
         return
     polygons = work.error if work.band.box is None else work.over_poles
