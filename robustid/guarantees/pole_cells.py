@@ -242,9 +242,16 @@ class PoleCell(Frozen):
         if not self.proofs:
             return None
         try:
-            return proved_cell(problem, self.omega, self.damping, self.delay, self.proofs).amplitude
-        except InputError:
+            return self.made_anew(problem).amplitude
+        except ValueError:
             return None
+
+    def made_anew(self, problem: MixedProblem) -> PoleCell:
+        """The cell of its ends and of the multipliers of its proofs: how samples see its poles is not taken over.
+
+        ValueError for multipliers of other entries or samples, and where they prove no amplitude of some mode.
+        """
+        return loaded_cell(problem, self.omega, self.damping, self.delay, [one.stored for one in self.proofs])
 
     @property
     def ends(self) -> Real:

@@ -11,9 +11,11 @@ import numpy as np
 
 from robustid.core import Complex, Frozen, Real, freeze
 from robustid.guarantees.consistent_set import ConsistentSet, Entry, independent_entries, which
-from robustid.guarantees.linear.directed import DirectedBand, directed_fit
+from robustid.guarantees.linear.amplitudes import Extraction
+from robustid.guarantees.linear.directed import DirectedBand, Sides, directed_fit
 from robustid.guarantees.linear.directed_verification import sides_hold_exactly
 from robustid.guarantees.linear.entry_band import extraction_fits
+from robustid.guarantees.linear.solved_nodes import NO_NODES
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import (
     RefutationClaim,
@@ -185,7 +187,7 @@ class SummedCell(Cell):
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SumsClaim]:
         """Claims of the polygons of every entry."""
-        for band in self.bands:
+        for band in _made_anew(self.cell, problem, self.bands):
             entry = band.samples.entry
             stated = tuple(one.support for one in self.of_entry(*entry))
             yield SumsClaim(f"{name}{which(problem, entry)}", band, self.omega, stated)
@@ -215,13 +217,29 @@ class RefutedBySums(Frozen):
         """The one that it makes."""
         omega = problem.plane.omega(self.band.angles)
         stated = sides_at(float(omega[0]), self.band.knot_supports[0], problem.dt)[1]
-        yield SumsClaim(f"{name}, refuted", self.band, omega, (stated,))
+        for band in _made_anew(self.cell, problem, (self.band,)):
+            yield SumsClaim(f"{name}, refuted", band, omega, (stated,))
 
 
 def _of_cell(band: DirectedBand, cell: PoleCell) -> bool:
     """Return whether sums are over the samples with their poles in a cell, and over nothing else."""
     own = [one for one in cell.proofs if one is band.extraction and one.samples is band.samples]
     return bool(own) and not len(band.sides.corners)
+
+
+def sides_of(proof: Extraction) -> Sides:
+    """The samples of an entry with the amplitudes of a cell."""
+    return Sides(proof.samples, proof, NO_NODES.corners)
+
+
+def _made_anew(cell: PoleCell, problem: MixedProblem, bands: Sequence[DirectedBand]) -> list[DirectedBand]:
+    """Sums over a cell, over samples and proofs that follow from the problem and its ends alone; none where these do not fit."""
+    try:
+        proofs = cell.made_anew(problem).proofs
+    except ValueError:
+        return []
+    of_entry = {one.samples.entry: one for one in proofs}
+    return [dataclasses.replace(one, sides=sides_of(of_entry[one.samples.entry])) for one in bands]
 
 
 def sides_at(omega: float, bounds: Real, dt: float) -> tuple[Real, Real]:

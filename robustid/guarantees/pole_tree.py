@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 from robustid.core import Budget, Complex, Pieces, Real
 from robustid.errors import InconsistentDataError
 from robustid.guarantees.amplitude_bounds import modes_by_frequency
-from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.certificate import Targets, targets_at
-from robustid.guarantees.linear.directed import DirectedBand, Sides, directions, left_by_series
+from robustid.guarantees.linear.directed import DirectedBand, directions, left_by_series
 from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.linear.further_points import further_points
 from robustid.guarantees.linear.polygon_discs import corners_of_supports
-from robustid.guarantees.linear.solved_nodes import NO_NODES
 from robustid.guarantees.pole_cells import PoleCell
-from robustid.guarantees.pole_proofs import RefutedBySums, SummedCell, is_empty
+from robustid.guarantees.pole_proofs import RefutedBySums, SummedCell, is_empty, sides_of
 from robustid.identification import MixedProblem
 
 if TYPE_CHECKING:
@@ -246,8 +244,3 @@ class PoleTree:
                 " bounds, the prior or the box"
             )
         return left
-
-
-def sides_of(proof: Extraction) -> Sides:
-    """The samples of an entry with the amplitudes of a cell."""
-    return Sides(proof.samples, proof, NO_NODES.corners)

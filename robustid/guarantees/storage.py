@@ -22,8 +22,7 @@ from robustid.guarantees.over_poles import Bounded, WorstCaseOverPoles
 from robustid.guarantees.packing import pack_certificates, pack_values, unpack_certificates, unpack_values
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.guarantees.pole_cells import PoleCell, loaded_cell
-from robustid.guarantees.pole_proofs import KeptCell, RefutedBySums, RefutedCell, SummedCell
-from robustid.guarantees.pole_tree import sides_of
+from robustid.guarantees.pole_proofs import KeptCell, RefutedBySums, RefutedCell, SummedCell, sides_of
 from robustid.guarantees.watch_result import Watch
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import Identification, MarginCertificate, MixedProblem
@@ -225,7 +224,7 @@ def _band_of_sums(proof: Extraction, sums: _Sums, angles: Real) -> DirectedBand:
 
 
 def _cell(cell: PoleCell) -> _Cell:
-    return {"ends": (cell.omega, cell.damping), "amplitudes": tuple(_amplitudes(one) for one in cell.proofs)}
+    return {"ends": (cell.omega, cell.damping), "amplitudes": tuple(one.stored for one in cell.proofs)}
 
 
 def _own_nominal(result: Bounded) -> StateMatrices | None:
@@ -265,7 +264,7 @@ def _entries(bands: tuple[EntryBand | DirectedBand, ...], plain: tuple[EntryBand
     """Multipliers of bands, and whether polygons are among their samples, as they are not among those of the plain ones."""
     return tuple(
         {"angles": one.angles, "points": one.points.astype(np.int32), "multipliers": one.multipliers}
-        | {"amplitudes": _amplitudes(one.extraction), "complete": one.complete}
+        | {"amplitudes": one.extraction.stored, "complete": one.complete}
         | {"nodes": one.samples.angles.size > lines.samples.angles.size}
         for one, lines in zip(bands, plain, strict=False)
     )
@@ -289,14 +288,10 @@ def _make_band(
     return band_of_multipliers(problem, box, omega, model, _multipliers(entries), polygons, _multipliers(directed))
 
 
-def _amplitudes(found: Extraction) -> Arrays:
-    return {name: getattr(found, name) for name in ("about", "points", "multipliers")}
-
-
 def _contradiction(found: Contradiction) -> Record:
     proof = {name: getattr(found, name) for name in ("sample", "base", "points", "multipliers")}
     about = {"problem": found.problem, "box": found.box, "entry": found.samples.entry}
-    return about | proof | {"amplitudes": _amplitudes(found.extraction)}
+    return about | proof | {"amplitudes": found.extraction.stored}
 
 
 def _make_contradiction(

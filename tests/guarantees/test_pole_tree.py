@@ -14,8 +14,9 @@ from robustid.guarantees import box_of, placement
 from robustid.guarantees.candidates import candidates_of, shares_of
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.further_points import contradicted, further_points
+from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.pole_proofs import RefutedBySums, SummedCell, is_empty
-from robustid.guarantees.pole_tree import PoleTree
+from robustid.guarantees.pole_tree import Branch, PoleTree
 from robustid.guarantees.sweep import Means
 from support.forging import arrays_of, forge
 from support.refusals import refused
@@ -191,6 +192,24 @@ def test_sums_that_are_others_prove_what_they_prove_and_stated_values_below_them
     assert np.all(rid.load(tmp_path / "box").upper >= found.upper)
     forge(tmp_path / "box", lambda a: {name: a[name][:, :-1]})
     refused("do not belong to the samples", rid.load, tmp_path / "box", error=FileFormatError)
+
+
+def test_sums_over_a_part_of_a_cell_prove_nothing_of_the_whole():
+    """Samples are made anew from the ends of a cell: those of smaller boxes, kept in its proofs, are not taken over."""
+    one, omega = identified(bound=SMALL), np.array([NEAR])
+    nominal = one.problem.plane.values_at(one.model, omega)[0]
+    whole = box_of(one, *BOX, 1)
+    half = next(h for h in Branch(one.problem, whole).halves(0))
+    half.solve(NEAR, nominal)
+    own = half.kept([NEAR])
+    forged = dataclasses.replace(own.cell, omega=whole.omega, damping=whole.damping)
+    kept = (dataclasses.replace(own, cell=forged),)
+    found = WorstCaseOverPoles(identification=one, model=one.model, omega=omega, box=whole, kept=kept, refuted=())
+    assert not found.covered
+    assert not found.verify()
+    large = dataclasses.replace(forged, amplitude=whole.amplitude)
+    found = dataclasses.replace(found, kept=(dataclasses.replace(own, cell=large),))
+    assert not found.verify()
 
 
 def test_where_the_response_is_real_two_sides_close_the_polygon(tmp_path):

@@ -10,7 +10,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Complex, Frozen, Real, freeze
+from robustid.core import Arrays, Budget, Complex, Frozen, Real, freeze
 from robustid.guarantees.linear.certificate import Amplitudes, Targets, choose, class_radius, mismatch
 from robustid.guarantees.linear.samples import Samples
 from robustid.guarantees.linear.search import POINTS, nearest_points, search
@@ -33,6 +33,11 @@ class Extraction(Frozen):
     def __post_init__(self) -> None:
         names = ("about", "points", "multipliers")
         self._set(**{name: freeze(np.asarray(getattr(self, name))) for name in names})
+
+    @property
+    def stored(self) -> Arrays:
+        """What is stored of them: all but the samples, which follow from the problem and a box."""
+        return {name: getattr(self, name) for name in ("about", "points", "multipliers")}
 
     @functools.cached_property
     def known(self) -> Amplitudes:
