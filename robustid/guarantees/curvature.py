@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-from robustid.core import Real, StateMatrices
+from robustid.core import Complex, Real, StateMatrices
 from robustid.guarantees.parameters import ParameterIntervals
 from robustid.identification import Identification, MixedProblem, class_size, class_value, parametric_states
 
@@ -33,7 +32,9 @@ _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states ar
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
 _SHORT = 0.25  # half of an arc times the resolvent at its middle
 _PIECES = 4000  # of an arc, at most
-_STACK = 50_000  # complex numbers in the resolvents of a stack: what a cache holds
+_STACK = 50_000  # complex numbers in the columns of a stack: what a cache holds
+_AT_ONCE = 16  # angles whose resolvents get their norms together
+_NEAR = 0.05  # of the distance of a singular matrix: how far its norm is used, which it makes larger by as much
 
 StateSpace = tuple[Real, Real, Real]  # A, B, C
 
@@ -53,7 +54,7 @@ class Curvature:
 
     def largest(self, low: Real, high: Real) -> Real:
         """On the arcs from the angles `low` to `high`, (arcs, ny, nu); inf where an arc is too long for the bound to hold."""
-        known = second_derivatives(*self.known, low, high)
+        known = self._of_known.on_arcs(low, high)
         of_class = self._of_class(low, high)[:, None, None]
         ball = self.problem.prior.scales(*known.shape[1:]) * (of_class * (1 + 1e-6))
         total = ball + (np.minimum(known, ball) if self.inside else known)
@@ -74,7 +75,7 @@ class Curvature:
         middle, half = (low + high) / 2, (high - low) / 2
         R = np.asarray(np.linalg.inv(np.exp(1j * middle)[:, None, None] * np.eye(A.shape[0]) - A), dtype=complex)
         there: Real = np.abs(C @ R @ R @ B).sum(axis=(1, 2))
-        bend: Real = second_derivatives(A, B, C, low, high).sum(axis=(1, 2))
+        bend: Real = self._of_weight.on_arcs(low, high).sum(axis=(1, 2))
         slope = there + half * bend
         return self.problem.weighting.sizes(middle) + half * slope, slope, bend
 
@@ -83,22 +84,34 @@ class Curvature:
         states = self.problem.weighting.states[:3]
         return states if self.problem.prior.positive_real else input_normal(*states)  # 1/s has no input-normal form
 
+    @functools.cached_property
+    def _of_known(self) -> ArcDerivatives:
+        return ArcDerivatives(*self.known)
+
+    @functools.cached_property
+    def _of_basis(self) -> ArcDerivatives | None:
+        return None if self.basis is None else ArcDerivatives(*self.basis)
+
+    @functools.cached_property
+    def _of_weight(self) -> ArcDerivatives:
+        return ArcDerivatives(*self._states_of_weight)
+
     def weight(self, low: Real, high: Real) -> Real:
         """Bound of |W| on each arc, from its ends."""
         weighting = self.problem.weighting
         if weighting.trivial:
             return np.ones(low.size)
-        bend: Real = second_derivatives(*self._states_of_weight, low, high).sum(axis=(1, 2))
+        bend: Real = self._of_weight.on_arcs(low, high).sum(axis=(1, 2))
         ends = np.maximum(weighting.sizes(low), weighting.sizes(high))
         return ends * (1 + 1e-9) + bend * (high - low) ** 2 / 8
 
     def outside(self, low: Real, high: Real) -> Real:
         """Bound of E - G on each arc, (arcs, ny, nu)."""
-        return self._with_parameters(second_derivatives(*self.known, low, high), low, high)
+        return self._with_parameters(self._of_known.on_arcs(low, high), low, high)
 
     def _with_parameters(self, total: Real, low: Real, high: Real) -> Real:
-        if self.basis is not None:
-            sizes = second_derivatives(*self.basis, low, high)[:, :, :1]
+        if self._of_basis is not None:
+            sizes = self._of_basis.on_arcs(low, high)[:, :, :1]
             for k, reach in enumerate(self.reach):
                 total = total + np.where(reach > 0, sizes[:, k : k + 1], 0.0) * reach
         return total
@@ -125,50 +138,114 @@ def is_own(model: control.StateSpace, identification: Identification) -> bool:
     return all(np.array_equal(getattr(model, name), getattr(identification.model, name)) for name in "ABCD")
 
 
-def second_derivatives(A: Real, B: Real, C: Real, low: Real, high: Real) -> Real:
-    """Largest |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on arcs: a bound of every entry, (arcs, rows of C, columns of B).
+class ArcDerivatives:
+    """Bounds of |d^2/d theta^2 C (zI - A)^-1 B|, z = exp(j theta), on arcs: of every entry.
 
-    Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that.
+    From a Schur form of A, which makes products with the resolvents of all arcs sums over its columns.
     """
-    largest = np.zeros((low.size, C.shape[0], B.shape[1]))  # rises piece by piece
-    if not A.shape[0]:
+
+    def __init__(self, A: Real, B: Real, C: Real) -> None:
+        self.shape = C.shape[0], B.shape[1]
+        upper, basis = scipy.linalg.schur(A, output="complex") if A.size else (A, A)
+        self._upper = np.asarray(upper, dtype=complex)
+        self._inputs = np.asarray(basis.conj().T @ B, dtype=complex)
+        self._outputs = np.asarray(C @ basis, dtype=complex)
+        self._known: tuple[Real, Real] = (
+            np.zeros(0),
+            np.zeros(0),
+        )  # angles, rising, and the norms of the resolvents there
+
+    def on_arcs(self, low: Real, high: Real) -> Real:
+        """The largest on arcs between angles, (arcs, rows of C, columns of B).
+
+        Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that.
+        """
+        largest = np.zeros((low.size, *self.shape))  # rises piece by piece
+        if not self._upper.size:
+            return largest
+        arc, start, end = np.arange(low.size), low, high
+        pieces, step = np.zeros(low.size, int), max(1, _STACK // len(self._upper))
+        while arc.size:
+            np.add.at(pieces, arc, 1)
+            middle, half = (start + end) / 2, (end - start) / 2
+            sizes = self.norms(middle)
+            with np.errstate(invalid="ignore"):
+                short = half * sizes < _SHORT
+            for part in np.split(np.flatnonzero(short), range(step, int(short.sum()), step)):
+                np.maximum.at(largest, arc[part], self._on_short_arcs(middle[part], half[part], sizes[part]))
+            left = ~short & (pieces[arc] < _PIECES)
+            largest[arc[~short & ~left]] = np.inf
+            arc, start, middle, end = arc[left], start[left], middle[left], end[left]
+            arc, start, end = np.tile(arc, 2), np.concatenate([start, middle]), np.concatenate([middle, end])
         return largest
-    arc, start, end = np.arange(low.size), low, high
-    pieces, step = np.zeros(low.size, int), max(1, _STACK // A.shape[0] ** 2)
-    while arc.size:
-        np.add.at(pieces, arc, 1)
-        short = np.zeros(arc.size, bool)
-        for first in range(0, arc.size, step):
-            part = slice(first, first + step)
-            short[part], found = _on_short_arcs(A, B, C, start[part], end[part])
-            np.maximum.at(largest, arc[part][short[part]], found)
-        left = ~short & (pieces[arc] < _PIECES)
-        largest[arc[~short & ~left]] = np.inf
-        arc, start, middle, end = arc[left], start[left], (start[left] + end[left]) / 2, end[left]
-        arc, start, end = np.tile(arc, 2), np.concatenate([start, middle]), np.concatenate([middle, end])
-    return largest
+
+    def norms(self, angles: Real) -> Real:
+        """Bounds of the norms of the resolvents at angles, near them, (N,).
+
+        1/||R|| is the distance of zI - A from the singular matrices, which differs by at most the distance of two z: a norm at one
+        of them is one at those beside it.
+        """
+        found = self._from_known(angles)
+        while (left := np.flatnonzero(np.isinf(found))).size:
+            at = np.unique(angles[left[:: max(1, left.size // _AT_ONCE)]])
+            matrices = np.exp(1j * at)[:, None, None] * np.eye(len(self._upper)) - self._upper
+            with np.errstate(divide="ignore"):
+                own = np.minimum(1 / np.linalg.svd(matrices, compute_uv=False)[:, -1], np.finfo(float).max)
+            known = (np.concatenate(both) for both in zip(self._known, (at, own), strict=True))
+            order = np.argsort((every := next(known)), kind="stable")
+            self._known = every[order], next(known)[order]
+            found[left] = self._from_known(angles[left])
+        return found
+
+    def _from_known(self, angles: Real) -> Real:
+        """The same from those that are known beside them; infinite where these are too far away."""
+        there, sizes = self._known
+        found = np.full(angles.size, np.inf)
+        for shift in (1, 0) if there.size else ():
+            k = np.clip(np.searchsorted(there, angles) - shift, 0, there.size - 1)
+            part = np.abs(angles - there[k]) * sizes[k]
+            near = part <= _NEAR
+            found[near] = np.minimum(found[near], sizes[k][near] / (1 - part[near]))
+        return found
+
+    def _on_short_arcs(self, middle: Real, half: Real, sizes: Real) -> Real:
+        """Bounds on arcs that are short beside the distance of a pole.
+
+        The value at the middle, and half the arc times a bound of the third derivative: R(z) = R (I + (z - middle) R)^-1, R =
+        (zI - A)^-1 at the middle, commutes with it, hence |C R(z)^k B| <= |C R^i| |R^(k-i) B| / (1 - d ||R||)^k for |z - middle|
+        <= d and any i of them.
+        """
+        z = np.exp(1j * middle)
+        columns = np.broadcast_to(self._inputs[:, None], (len(self._inputs), z.size, self.shape[1]))
+        one = self._times_resolvents(z, columns)
+        two = self._times_resolvents(z, one)
+        columns = np.broadcast_to(self._outputs.T[:, None], (len(self._inputs), z.size, self.shape[0]))
+        row = self._times_resolvents(z, columns, turned=True)
+        rows = self._times_resolvents(z, row, turned=True)
+        first, second = -_inner(row, one), 2 * _inner(rows, one)
+        z, half, sizes = (each[:, None, None] for each in (z, half, sizes))
+        here = np.abs(z * first + z**2 * second)
+        short, shorter = (np.linalg.norm(each, axis=0)[:, None, :] for each in (one, two))
+        long, longer = (np.linalg.norm(each, axis=0)[:, :, None] for each in (row, rows))
+        grown = 1 / (1 - half * sizes)
+        third = long * short * grown**2 + 6 * np.minimum(long * shorter, longer * short) * grown**3
+        third += 6 * longer * shorter * grown**4
+        return (here + half * third) * (1 + 1e-9 + _CHANGED * sizes)
+
+    def _times_resolvents(self, z: Complex, right: Complex, turned: bool = False) -> Complex:
+        """Resolvents (N) of the Schur form, or their transposes, times columns, (states, N, columns)."""
+        n = len(self._upper)
+        upper, found = self._upper.T if turned else self._upper, np.empty(right.shape, complex)
+        for k in range(n) if turned else range(n - 1, -1, -1):
+            done = slice(0, k) if turned else slice(k + 1, n)
+            known = np.tensordot(upper[k, done], found[done], 1)
+            found[k] = (right[k] + known) / (z - upper[k, k])[:, None]
+        return found
 
 
-def _on_short_arcs(A: Real, B: Real, C: Real, low: Real, high: Real) -> tuple[NDArray[np.bool_], Real]:
-    """Say of arcs whether they are short beside the distance of a pole; and the bounds on those that are.
-
-    Its value at the middle, and half the arc times a bound of the third derivative, from ||R(z)|| <= ||R|| / (1 - d ||R||) for
-    |z - middle| <= d, R = (zI - A)^-1 at the middle.
-    """
-    z, half = np.exp(1j * (low + high) / 2)[:, None, None], ((high - low) / 2)[:, None, None]
-    resolvents = np.asarray(np.linalg.inv(z * np.eye(A.shape[0]) - A), dtype=complex)
-    sizes = np.linalg.norm(resolvents, 2, axis=(1, 2), keepdims=True)
-    short = (half * sizes < _SHORT)[:, 0, 0]
-    z, half, R, size = z[short], half[short], resolvents[short], sizes[short]
-    state = R @ B
-    first, second = -(C @ (R @ state)), 2 * (C @ (R @ (R @ state)))
-    middle = np.abs(z * first + z**2 * second)
-    grown = 1 / (1 - half * size)
-    rows, columns = np.linalg.norm(C @ R, axis=2)[:, :, None], np.linalg.norm(state, axis=1)[:, None, :]
-    # R(z) = R (I + (z - middle) R)^-1, hence |C R(z)^k B| <= |C R| |R B| |R|^(k-2) grown^k.
-    powers = [rows * columns * size ** (k - 2) * grown**k for k in (2, 3, 4)]
-    third = powers[0] + 3 * 2 * powers[1] + 6 * powers[2]
-    return short, (middle + half * third) * (1 + 1e-9 + _CHANGED * size)
+def _inner(rows: Complex, columns: Complex) -> Complex:
+    """Products of rows and columns, (states, N, rows) and (states, N, columns), as matrices (N, rows, columns)."""
+    return np.asarray(np.moveaxis(rows, 0, 2) @ np.moveaxis(columns, 0, 1), dtype=complex)
 
 
 def known_part(model: control.StateSpace, identification: Identification) -> StateSpace:

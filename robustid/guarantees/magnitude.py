@@ -26,6 +26,9 @@ _FREE = 100.0
 _ZERO = 1e-9  # what a linear program calls zero
 _POINTS = 240
 _SPREAD = 4  # rows of each kind that a program begins with, for every coefficient: more cost time, fewer cost rounds
+_TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_PIVOTS = 20  # times the rows: of a program that the simplex method goes round in it makes hundreds of times as many
+_NOT_ENDED = 1  # status of such a program
 _TIGHT = 1e-6  # a row is tight from here on
 _NONE = np.zeros(0)
 Rows = NDArray[np.intp]
@@ -244,9 +247,9 @@ def _program(
             np.concatenate([b[c] for b, c in zip(right, chosen, strict=True)]),
             bounds=[(-1e4, 1e4)] * (2 * k) + [(-1.0, 0.0)],
             method="highs-ds",
-            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+            options=_TOLERANCES | {"maxiter": _PIVOTS * sum(c.size for c in chosen)},
         )
-        if found.x is None:
+        if found.x is None or found.status == _NOT_ENDED:
             break
         solution = found.x
         least = np.clip(-solution[-1] / 10, _ZERO, 1e-8)  # what is small beside the gain of the step

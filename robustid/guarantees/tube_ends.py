@@ -24,7 +24,7 @@ from robustid.identification import Identification, SupportCertificate
 
 _log = logging.getLogger("robustid")
 
-_AT_ONCE = 5.0  # seconds of work, as estimated, that a tube takes unless more is asked for
+_AT_ONCE = 3.5  # seconds of work, as estimated, that a tube takes unless more is asked for
 _SECONDS, _STEPS, _EACH = 2e-10, 5.5, 0.005  # for a multiplication, Newton steps of an end, and for an end besides
 _ROUNDED = 1e-9  # of a centre of sums and its radius: what another way of adding them may change
 
@@ -95,7 +95,7 @@ def solved_ends(
         _log.warning("interrupted: %d of %d samples are finished, and returned", len(found), samples.size)
     places = sorted(found)
     pairs = [found[k] for k in places]
-    attained = np.array([[-low.attained, high.attained] for low, high in pairs])
+    attained = np.array([[-low.attained, high.attained] for low, high in pairs]).reshape(-1, 2)
     return Ends(
         samples[places],
         np.array([-low.upper for low, _ in pairs]),
@@ -119,9 +119,9 @@ def ends_by_sums(
 ) -> Ends:
     """Every sample at which sums say something, and programs at the widest of so many parts of the horizon as time allows."""
     lower, upper = sums
-    count = max(int(_AT_ONCE / 4 / _seconds(outputs)), 1)
-    parts = np.array_split(np.arange(lower.size), min(count, lower.size))
-    widest = np.array([part[np.argmax((upper - lower)[part])] for part in parts])
+    count = int(_AT_ONCE / 2 / _seconds(outputs))
+    parts = np.array_split(np.arange(lower.size), min(count, lower.size)) if count else []
+    widest = np.array([part[np.argmax((upper - lower)[part])] for part in parts], int)
     solved = solved_ends(outputs, output, widest, gap, executor, budget)
     attained, proofs = np.full((lower.size, 2), np.nan), np.full((lower.size, 2), None)
     lower, upper = lower.copy(), upper.copy()

@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg
 
 import robustid as rid
-from robustid.guarantees.curvature import Curvature, input_normal, second_derivatives
+from robustid.guarantees.curvature import ArcDerivatives, Curvature, input_normal
 
 
 def sampled(A, B, C, low, high, count=401):
@@ -19,7 +19,7 @@ def sampled(A, B, C, low, high, count=401):
 
 def second_derivative(A, B, C, low, high):
     """On one arc."""
-    return second_derivatives(A, B, C, np.array([low]), np.array([high]))[0]
+    return ArcDerivatives(A, B, C).on_arcs(np.array([low]), np.array([high]))[0]
 
 
 @pytest.mark.parametrize("repeat", [1, 2, 3])
@@ -84,7 +84,7 @@ def test_second_derivatives_of_many_arcs_are_those_of_each():
     A, rng = scipy.linalg.block_diag(*blocks), np.random.default_rng(0)
     B, C = rng.standard_normal((4, 2)), rng.standard_normal((3, 4))
     edges = np.array([0.0, 0.3, 0.4, 0.49, 0.51, 0.7, 3.1])
-    found = second_derivatives(A, B, C, edges[:-1], edges[1:])
+    found = ArcDerivatives(A, B, C).on_arcs(edges[:-1], edges[1:])
     for own, low, high in zip(found, edges[:-1], edges[1:], strict=True):
         np.testing.assert_allclose(own, second_derivative(A, B, C, low, high), rtol=1e-9)
         if low != 0.3:
@@ -118,3 +118,31 @@ def test_bounds_of_a_class_on_many_arcs_are_those_of_each(problem, monkeypatch):
         alone = [many(low[k : k + 1], high[k : k + 1]) for k in range(low.size)]
         np.testing.assert_allclose(many(low, high), np.concatenate(alone), rtol=1e-12)
     assert np.all(bends.largest(low, high) > 0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_norms_of_resolvents_are_bounded_from_those_beside_them(seed):
+    """Never below a norm, and above it by little; in any order, and one at a time."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((6, 6))
+    A *= (0.5, 0.9, 0.99, 0.9999)[seed] / np.abs(np.linalg.eigvals(A)).max()
+    found = ArcDerivatives(A, np.ones((6, 1)), np.ones((1, 6)))
+    angles = rng.permutation(np.concatenate([rng.uniform(0, np.pi, 200), np.angle(np.linalg.eigvals(A))]))
+    exact = np.array([np.linalg.norm(np.linalg.inv(np.exp(1j * a) * np.eye(6) - A), 2) for a in angles])
+    for sizes in (found.norms(angles), np.concatenate([found.norms(a[None]) for a in angles])):
+        assert np.all(sizes >= exact * (1 - 1e-9))
+        assert np.all(sizes <= 1.12 * exact)
+    assert np.all(np.isfinite(ArcDerivatives(np.eye(1), np.ones((1, 1)), np.ones((1, 1))).norms(np.zeros(1))))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_second_derivatives_of_random_systems_are_never_above_their_bounds(seed):
+    rng = np.random.default_rng(seed)
+    n, inputs, outputs = int(rng.integers(1, 9)), int(rng.integers(1, 4)), int(rng.integers(1, 4))
+    A = rng.standard_normal((n, n))
+    A *= rng.uniform(0.3, 0.99) / np.abs(np.linalg.eigvals(A)).max()
+    B, C = rng.standard_normal((n, inputs)), rng.standard_normal((outputs, n))
+    edges = np.sort(rng.uniform(0, np.pi, 12))
+    found = ArcDerivatives(A, B, C).on_arcs(edges[:-1], edges[1:])
+    for own, low, high in zip(found, edges[:-1], edges[1:], strict=True):
+        assert np.all(own >= sampled(A, B, C, low, high) * (1 - 1e-4) - 1e-6)

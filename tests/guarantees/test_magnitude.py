@@ -128,3 +128,14 @@ def test_units_of_signals_and_time_change_nothing(power):
     assert second.tried == first.tried
     assert np.array_equal(second.model.A, first.model.A)
     assert np.array_equal(second.model.D * 2.0**power, first.model.D)
+
+
+@pytest.mark.parametrize("pivots", [0, 1])
+def test_programs_that_do_not_end_are_left_and_the_weight_is_above_the_bound(pivots, monkeypatch):
+    """The simplex method may go round in a program for minutes: what was found before stands."""
+    edges = np.linspace(0, np.pi, 101)
+    bound = largest_on(biquad([0.5, -0.2], [0.9, 0.7]), edges)
+    monkeypatch.setattr("robustid.guarantees.magnitude._PIVOTS", pivots)
+    weight = magnitude_weight(edges, bound, dt=1.0)
+    assert np.isfinite(weight.ratio)
+    check_densely(weight)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robustid.core import Real, StateMatrices
-from robustid.guarantees.curvature import Curvature, input_normal, second_derivatives
+from robustid.guarantees.curvature import ArcDerivatives, Curvature, input_normal
 from robustid.guarantees.linear.entry_band import EntryBands
 from robustid.guarantees.linear.error_sets import ErrorSets
 
@@ -90,14 +90,14 @@ class Bends:
         problem = bands.problem
         a, b, c, _ = problem.plane.in_z(StateMatrices.of(model))
         self.problem, self.bands, self.shape = problem, bands, bands.problem.entries.shape
-        self.model, self.known = model, input_normal(a, b, c)
+        self.model, self.known = model, ArcDerivatives(*input_normal(a, b, c))
         # Without a known part of its own: that of the model is added here, arcs of all lengths at once.
         none = np.zeros((0, 0)), np.zeros((0, self.shape[1])), np.zeros((self.shape[0], 0))
         self.of_class = Curvature(problem, none, None, np.zeros((0, *self.shape)), False)
 
     def of(self, low: Real, high: Real) -> Real:
         """Bounds on arcs, (arcs, ny, nu)."""
-        found = second_derivatives(*self.known, low, high) + self.of_class.largest(low, high)
+        found = self.known.on_arcs(low, high) + self.of_class.largest(low, high)
         functions: Real | None = None
         for place in np.ndindex(*self.shape):
             band = self.bands.of(place)
@@ -111,7 +111,7 @@ class Bends:
         low, high = angles[:-1], angles[1:]
         step = (high - low) ** 2 / 8
         values = np.abs(self.problem.plane.values(self.model, angles))
-        bent = second_derivatives(*self.known, low, high)
+        bent = self.known.on_arcs(low, high)
         total = (np.maximum(values[:-1], values[1:]) + bent * step[:, None, None]).max(axis=0)
         prior = self.problem.prior
         total = total + prior.gain_bound * self.of_class.weight(low, high).max() * prior.scales(*self.shape)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from robustid.bases import ParametricBasis
 from robustid.core import Complex, Frozen, Plane, Real, StateMatrices, as_array, simulate
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees.curvature import input_normal, second_derivatives
+from robustid.guarantees.curvature import ArcDerivatives, input_normal
 from robustid.guarantees.linear.pole_discs import PoleDiscs, discs_of
 from robustid.identification import MixedProblem
 
@@ -141,11 +141,15 @@ class Functions(Frozen):
         """Bound of the second derivative along arcs of what every amplitude does, for an amplitude of 1, (arcs, amplitudes)."""
         found = np.zeros((low.size, self.amplitudes))
         if self.fixed is not None:
-            states = input_normal(self.fixed.A, self.fixed.B, self.fixed.C)
-            found[:, : self.fixed_count] = second_derivatives(*states, low, high)[:, :, 0]
+            found[:, : self.fixed_count] = self._of_fixed.on_arcs(low, high)[:, :, 0]
         if self.modes is not None:
             found[:, self.fixed_count :] = self.modes.bends(low, high)
         return found
+
+    @functools.cached_property
+    def _of_fixed(self) -> ArcDerivatives:
+        states: Any = self.fixed
+        return ArcDerivatives(*input_normal(states.A, states.B, states.C))
 
     def largest_on(self, low: Real, high: Real) -> Real:
         """Bound of the modulus of the same on arcs, (arcs, amplitudes)."""
