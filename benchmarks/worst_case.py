@@ -45,6 +45,7 @@ def entries():
     """Print processor seconds a frequency of one entry, the intervals of its parameters included."""
     found = {f"{lines} lines": rid.identify(one_entry(lines, [77.0], [0.017])[0]) for lines in (25, 50, 68)}
     found |= {name: SWEEPS[name]() for name in ("motor", "hair dryer", "beam entry", "mirror entry")}
+    rid.worst_case_error(found["25 lines"], omega=found["25 lines"].problem.frequency[0].omega[:1])  # what it imports
     for name, result in found.items():
         lines = result.problem.frequency[0].omega
         omega = np.linspace(lines.min(), lines.max(), 10)[1:-1]

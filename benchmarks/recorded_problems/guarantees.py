@@ -140,7 +140,10 @@ def contradiction(_):
     box = HZ * np.array([[8.99, 9.01], [14.9, 15.1]]), np.array([[0.099, 0.101], [0.0036, 0.0044]])
     found = {name: rid.guarantee.contradiction(one, box=box if name == "box" else None) for name, one in lines.items()}
     none = rid.guarantee.contradiction(structure())
-    return {name: None if one is None else of(one, names) for name, one in found.items()} | {"none": none is None}
+    facts = {name: None if one is None else of(one, names) for name, one in found.items()}
+    for name in ("centre", "radius", "multipliers"):  # over the box hardly determined: 3e-5 apart on two processors
+        del facts["box"][name]
+    return facts | {"none": none is None}
 
 
 def member(gain, seed):

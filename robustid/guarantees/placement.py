@@ -150,6 +150,7 @@ class OverBox(Programs):
         self._tree = PoleTree(problem, model, box_of(identification, *in_order(problem, box)))
         self._covers: dict[float, list[Branch]] = {}
         self._interrupted = False
+        self._looked = 0  # frequencies
 
     def solve(self, omega: Real, known: Refinable, means: Means) -> tuple[Real, Real]:
         """As `Programs.solve`, one after the other; those that gain nothing over known discs are kept where `every` one is."""
@@ -161,17 +162,15 @@ class OverBox(Programs):
         most = np.ceil(_CELLS + (_CELLS_AT_PEAK - _CELLS) * np.minimum(share, 1.0)).astype(int)
         with one_thread(), Interruptible(lambda: bool(self._covers)) as sweep:
             for k, w in enumerate(omega.tolist()):
-
-                def told(done: int, before: int = int(most[:k].sum())) -> None:
-                    if means.progress is not None:
-                        means.progress(_WORDS, before + done, int(most.sum()))
-
                 mine = None if means.budget is None else means.budget.share(_SHARE)
                 start = self._beside(w, int(most[k]))
-                leaves = None if self._interrupted else self._tree.cover(w, error[k], int(most[k]), mine, told, start)
+                leaves = None if self._interrupted else self._tree.cover(w, error[k], int(most[k]), mine, start)
                 if leaves is None:
                     break
                 radii[w] = self._radius(leaves, w)
+                self._looked += 1
+                if means.progress is not None:
+                    means.progress(_WORDS, self._looked, omega.size if self._every else self.most)
                 if np.any(radii[w] < np.inf if self._every else radii[w] < known.at([w])[1][0] / _GAIN):
                     self._covers[w] = leaves
         self._interrupted |= sweep.interrupted
@@ -197,7 +196,7 @@ class OverBox(Programs):
                 self._covers[w], seen = leaves, [*seen, w]
                 share[w] = min(share[w], self._share(w, leaves))
                 if means.progress is not None:
-                    means.progress(_WORDS, len(self._covers), omega.size)
+                    means.progress(_WORDS, self._looked, self.most)
         self._interrupted |= sweep.interrupted
         found = np.unique(seen)
         radii = [self._radius(self._covers[w], w) for w in found.tolist()]

@@ -6,7 +6,7 @@ What a cell says comes from sums of one direction each over the samples, with am
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -185,13 +185,7 @@ class PoleTree:
         return [one for one in self._branches if one.refuted]
 
     def cover(
-        self,
-        omega: float,
-        scale: Real,
-        most: int,
-        budget: Budget | None,
-        told: Callable[[int], None] | None = None,
-        start: Sequence[Branch] = (),
+        self, omega: float, scale: Real, most: int, budget: Budget | None, start: Sequence[Branch] = ()
     ) -> list[Branch] | None:
         """So many branches at most that cover the box, without those that are refuted, with their polygons at a frequency.
 
@@ -221,8 +215,6 @@ class PoleTree:
                 sizes[half], above[half] = float((half.errors(omega, nominal) / scale).max()), [*above[worst], worst]
             leaves = self._left([*(leaf for leaf in leaves if leaf is not worst), *halves])
             best = min(best, leaves, key=lambda one: max(sizes[leaf] for leaf in one))
-            if told is not None:
-                told(len(leaves))
         return best
 
     def _halves(self, branch: Branch, omega: float, nominal: Complex, scale: Real) -> tuple[Branch, ...]:

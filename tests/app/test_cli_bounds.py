@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.guarantees import WorstCaseOverPoles
 from support import command_line
 from support.forging import arrays_of, forge, lower
 from support.problems import random_problem
@@ -95,8 +96,26 @@ def test_a_controller_is_judged_against_every_consistent_system(files, run):
     margin = rid.load("loop").robust_stability_margin(controller)
     assert margin.guaranteed
     assert "controller low:" in out
-    assert f"{margin.margin:.3g}"[:3] in out
+    assert f"{margin.margin:.4g}"[:4] in out
     assert "low" in pathlib.Path("loop.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("unsearched")
+def test_a_band_over_the_poles_from_the_data_is_narrowed_by_cells(files, run):
+    """Where the error is largest, or at the frequencies that are stated; what is kept holds, and is narrower."""
+    data = rid.datasets.flexible_structure(lines=5, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    suggested, prior = rid.suggest_kautz(data.frequency), rid.Prior(gain_bound=0.1, decay_rate=1.3)
+    result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=suggested.basis))
+    result.save("own")
+    plain = rid.band(result, box=(suggested.omega_interval, suggested.damping_interval), omega=[30.0])
+    code, out, _ = run("bounds", "own", "--omega", "30", "--directions", "3", "-v")
+    assert code == 0
+    whole = rid.load("bounds-band")
+    assert isinstance(whole.polygons, WorstCaseOverPoles)
+    assert whole.polygons.omega.tolist() == [30.0]
+    assert whole.verify()
+    assert whole.narrowing_words in out
+    assert np.all(whole.error_at([30.0]) <= plain.with_model(result.model).error_at([30.0]))
 
 
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])

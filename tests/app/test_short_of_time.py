@@ -1,6 +1,7 @@
 """Steps that end early for want of time: modes, the margin, the small model; each is named, and none ends a run."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from robustid.app.run.posing import posed
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sequence import identified, reduced
-from robustid.app.run.work import Work, narrowing_share
+from robustid.app.run.work import Work, narrowing_limit
 from robustid.core import Budget, Source
 from robustid.errors import SizeError
 from support.matrix_plants import random_matrix_problem
@@ -72,6 +73,10 @@ def test_a_step_with_too_little_time_to_begin_is_named_though_time_is_left(monke
 @pytest.mark.parametrize("late", [-30.0, -1e-3, 0.0, 1e-3, 0.5, 10.0, 30.0])
 def test_narrowing_takes_no_more_than_what_is_left_of_a_run(late):
     """Where the time was over by 4 s, a share of -4 of these was 14 s."""
-    share = narrowing_share(30.0, late)
-    assert 0 <= share <= 1
-    assert share * late == pytest.approx(max(0.12 * 30 - (30 - late), 0.03 * late, 0.0))
+    seconds = narrowing_limit(30.0, late)
+    assert 0 <= seconds <= max(late, 0)
+    assert seconds == pytest.approx(max(0.12 * 30 - (30 - late), 0.03 * late, 0.0))
+
+
+def test_narrowing_of_a_run_without_end_takes_what_it_takes_of_one_that_begins_with_it():
+    assert narrowing_limit(300.0, math.inf) == narrowing_limit(300.0, 300.0)

@@ -55,7 +55,7 @@ def tree():
 
 def largest(omega, most):
     """Largest error at a frequency that so many cells prove, and the cells."""
-    leaves = tree().cover(omega, np.ones((1, 1)), most, None, lambda _: None)
+    leaves = tree().cover(omega, np.ones((1, 1)), most, None)
     return max(float(leaf.errors(omega, nominal(omega)).max()) for leaf in leaves), leaves
 
 

@@ -74,6 +74,8 @@ def bounds(
 ) -> None:
     """Bound how far every consistent system can be from the identified model, with a certificate for every bound.
 
+    A band over a pole-uncertainty box is narrowed by sums over its cells, where its error is largest first.
+
     [bold]Example[/bold]: robustid bounds result --circle --resume unfinished -o bounds --report bounds.html
 
     Exit codes: 0 every certificate holds, 1 not (or the identification is not verified), 2 misuse (inconsistent data too: there is
@@ -234,9 +236,10 @@ class _Bounds:
 
     def _keep_band(self, work: Work) -> None:
         """Keep the band with what polygons add to it, and say that."""
-        from robustid.app.run.sequence import refined
+        from robustid.app.run.sequence import narrowed, refined
 
-        refined(work)
+        over_box = work.band is not None and work.band.box is not None
+        (narrowed if over_box and not work.run.worst_case.over_poles else refined)(work)
         if work.band is not None:
             if work.band.narrowing_words:
                 self.said.append(f"band       {work.band.narrowing_words}")

@@ -234,7 +234,10 @@ def next_of(work: Work, output: Path, called: Sequence[str]) -> list[Next | str]
     found, name = work.identification, written_files.stem(output)
     if found.verified_status is Status.CONSISTENT:
         bounds = written_files.free(name.with_name(f"{name.name}-bounds"), ".npz", ".json", "-band.npz", ".html")
-        return [Next("the error at single frequencies", ["bounds", name, "-o", bounds, "--report", f"{bounds}.html"])]
+        words = "the error at single frequencies"
+        if work.band is not None and work.band.box is not None:
+            words = f"a narrower band, and {words}"
+        return [Next(words, ["bounds", name, "-o", bounds, "--report", f"{bounds}.html"])]
     if (diagnosis := work.diagnosis) is None or not called or not any(one.solves for one in diagnosis.causes[:1]):
         return None
     return [*diagnosis.next_steps[:1], Next("with that change", [*again(called), "--apply"])]

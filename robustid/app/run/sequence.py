@@ -18,7 +18,7 @@ from robustid.app.run.posing import MARGIN_SHARE, posed, posed_as_stated
 from robustid.app.run.results import IdentifiedReduced, WiderBand
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
-from robustid.app.run.work import Step, Untouched, Work, carry_out, narrowing_share
+from robustid.app.run.work import Step, Untouched, Work, carry_out, narrowing_limit
 from robustid.core import Budget, Interruptible, Real, Record, Source, pass_on
 from robustid.errors import InconsistentDataError, InputError, Status
 from robustid.fitting import RigidBody
@@ -283,16 +283,20 @@ def in_loop(work: Work) -> None:
 
 
 def narrowed(work: Work) -> None:
-    """The band over the box of poles that the data leave, with polygons over the same box where they gain most.
+    """The band over the box of poles that the data leave, with polygons over the same box: where they gain most, or as stated.
 
     Their frequencies are kept in the run file, which gives the same again.
     """
-    if work.band is None or work.around.stops.interrupted:
+    if work.band is None:
+        return
+    work.band = work.band.with_model(work.model)
+    if work.around.stops.interrupted:
         return
     asked, words = work.run.worst_case, "narrowing the band"
-    stated = None if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
-    share = 1.0 if stated is not None else narrowing_share(work.run.time_limit, work.around.budget.left)
-    with work.around.step(words, share, asked.time_limit, needed=stated is not None) as limit:
+    stated = work.omega if asked.at_hz is None else 2 * np.pi * np.array(asked.at_hz)
+    usual = narrowing_limit(work.run.time_limit, work.around.budget.left)
+    seconds = asked.time_limit if stated is not None else min(usual, asked.time_limit)
+    with work.around.step(words, stated=seconds, needed=stated is not None) as limit:
         how: Record = {"omega": stated, "time_limit": limit, **work.around.counted(words)}
         try:
             work.band = work.band.refine(work.identification, **how)

@@ -123,8 +123,8 @@ def carry_out(work: Work, steps: Sequence[Step]) -> None:
                 step(work)
 
 
-def narrowing_share(whole: float, left: float) -> float:
-    """Part of the seconds that are left of a run, for what narrows its band."""
+def narrowing_limit(whole: float, left: float) -> float:
+    """Seconds for what narrows the band of a run of so many, of which some are left; of one without end as where it begins."""
     if math.isinf(left):
-        return 1.0
-    return 0.0 if left <= 0 else max(_NARROWED * whole - (whole - left), _LEAST * left) / left
+        return _NARROWED * whole
+    return max(_NARROWED * whole - (whole - left), _LEAST * left, 0.0)
