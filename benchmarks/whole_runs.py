@@ -7,6 +7,7 @@ is above that of systems that are consistent, poles in their box, which are soug
 
 import argparse
 import dataclasses
+import itertools
 import time
 
 import numpy as np
@@ -19,6 +20,7 @@ BETWEEN = 9  # frequency points at which the gap is taken, besides that of the l
 PERIOD = 8192  # samples of the excitation of the mirror
 QUIET = 2000  # samples of a sweep before it begins
 PARTS = (1.0, 0.6, 0.3)  # of the way from the middle of the box to its border: the first whose poles are consistent
+NEAREST, STEPS = 3, (0.5, 0.25, 0.12, 0.06)  # modes that are moved, and the parts of the way by which they are
 
 CASES = {
     "entry": lambda: one_entry(60, [77.0], [0.017])[0].frequency[0],
@@ -97,24 +99,41 @@ def at_poles(band, omega, damping, frequencies):
 
 
 def reached(band, frequencies):
-    """Largest errors of consistent systems that were found: poles of the nearest mode anywhere on a grid of its box."""
+    """Largest errors of consistent systems that were found: poles of the nearest mode on a grid of its box, then moved further.
+
+    From the best of the grid one side of the box after the other, of the modes nearest in frequency, in steps that become smaller.
+    """
     if band.box is None:
         return at_poles(band, None, None, frequencies)
     ends = np.stack(band.box)  # (2, M, 2)
     middle, half = ends.mean(axis=2), np.diff(ends, axis=2)[:, :, 0] / 2
+
+    def error(place, at):
+        lower = at_poles(band, *(middle + place * half), at)
+        return np.full(at.size, -1.0) if lower is None else lower
+
     nearest = np.argmin(np.abs(np.log(frequencies[:, None] / middle[0])), axis=1)
-    found = np.zeros(frequencies.size)
+    best, places = np.full(frequencies.size, -1.0), np.zeros((frequencies.size, *middle.shape))
     for mode in np.unique(nearest).tolist():
-        mine = nearest == mode
+        mine = np.flatnonzero(nearest == mode)
         for way in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
             for part in PARTS if any(way) else (0.0,):
-                poles = middle.copy()
-                poles[:, mode] += part * np.array(way) * half[:, mode]
-                lower = at_poles(band, *poles, frequencies[mine])
-                if lower is not None:
-                    found[mine] = np.maximum(found[mine], lower)
+                place = np.zeros(middle.shape)
+                place[:, mode] = part * np.array(way)
+                lower = error(place, frequencies[mine])
+                more = mine[lower > best[mine]]
+                best[more], places[more] = lower[lower > best[mine]], place
+                if np.all(lower >= 0):
                     break
-    return found
+    for k, w in enumerate(frequencies.tolist()):
+        modes = np.argsort(np.abs(np.log(w / middle[0])))[:NEAREST]
+        for step in STEPS:
+            for mode, side, sign in itertools.product(modes.tolist(), (0, 1), (1, -1)):
+                place = places[k].copy()
+                place[side, mode] = np.clip(place[side, mode] + sign * step, -1, 1)
+                if not np.array_equal(place, places[k]) and (found := error(place, np.array([w]))[0]) > best[k]:
+                    best[k], places[k] = found, place
+    return np.maximum(best, 0)
 
 
 def told_gap(band):

@@ -15,6 +15,7 @@ from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.directed import DirectedBand, Sides, directed_fit
 from robustid.guarantees.linear.directed_verification import sides_hold_exactly
 from robustid.guarantees.linear.entry_band import extraction_fits
+from robustid.guarantees.linear.polygon_discs import tightened
 from robustid.guarantees.linear.solved_nodes import NO_NODES
 from robustid.guarantees.pole_cells import PoleCell
 from robustid.guarantees.value_set import (
@@ -244,13 +245,14 @@ def _made_anew(cell: PoleCell, problem: MixedProblem, bands: Sequence[DirectedBa
 
 def sides_at(omega: float, bounds: Real, dt: float) -> tuple[Real, Real]:
     """Directions and sides of a polygon, of bounds (M,) of equally spaced ones: both ends where the response is real."""
+    bounds = tightened(bounds)
     theta: Real = directions_at(omega, dt, int(bounds.size))
     return theta, bounds if theta.size == bounds.size else bounds[[0, bounds.size // 2]]
 
 
 def is_empty(bounds: Real) -> bool:
-    """Return whether bounds (M,) of equally spaced directions contradict each other in two that are opposite."""
-    half = bounds.size // 2
+    """Return whether bounds (M,) of equally spaced directions leave nothing between two that are opposite."""
+    bounds, half = tightened(bounds), bounds.size // 2
     return bool(np.any(bounds[:half] + bounds[half:] < 0))
 
 

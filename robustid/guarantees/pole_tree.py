@@ -68,20 +68,19 @@ class Branch:
     def solve(self, omega: float, nominal: Complex) -> None:
         """Search the polygons of all entries at a frequency, about nominal values (ny, nu).
 
-        From those of the cell whose half it is, of itself at the nearest frequency, or from nothing.
+        From those of the smallest cell that holds it and has some there, or from nothing.
         """
         if omega in self.found:
             return
         whole, count = self._whole, len(self._searches)
-        if whole is not None and omega in whole.found:
+        while whole is not None and omega not in whole.found:
+            whole = whole._whole
+        if whole is None:
+            every = [self._first(k, omega, nominal) for k in range(count)]
+        else:
             every = [
                 self._searched(k, omega, whole.further(k, omega, nominal), whole.found[omega][k]) for k in range(count)
             ]
-        elif self.found:
-            beside = self.found[min(self.found, key=lambda w: abs(w - omega))]
-            every = [self._searched(k, omega, beside[k].points, beside[k]) for k in range(count)]
-        else:
-            every = [self._first(k, omega, nominal) for k in range(count)]
         self.found[omega] = tuple(every)
         self.refuted |= any(is_empty(one.bounds) for one in every)
 

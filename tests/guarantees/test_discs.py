@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robustid.guarantees.common_nominal import smallest_disc
+from robustid.guarantees.linear.polygon_discs import tightened
 from support.cases import seeds
 
 
@@ -71,3 +72,25 @@ def test_nothing_depends_on_units_or_place():
     assert small.radius == 2.0**-60 * disc.radius
     far = smallest_disc(points + 1e6)
     assert far.radius == pytest.approx(disc.radius, rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 8, 16, 24])
+def test_loose_sides_are_drawn_to_the_polygon_of_the_others(count):
+    """By brute force: the largest Re(exp(-j theta) v) over the corners of all pairs of sides that lie within every side."""
+    rng = np.random.default_rng(count)
+    turns = np.exp(-2j * np.pi * np.arange(count) / count)
+    for _ in range(20):
+        points = rng.standard_normal(6) + 1j * rng.standard_normal(6)
+        support = (turns[:, None] * points).real.max(axis=1) + rng.exponential(0.5, count) * rng.integers(0, 2, count)
+        found, corners = tightened(support), []
+        for k, j in itertools.combinations(range(count), 2):
+            sides = np.array([[turns[i].real, -turns[i].imag] for i in (k, j)])
+            if abs(np.linalg.det(sides)) > 1e-9:
+                x, y = np.linalg.solve(sides, support[[k, j]])
+                if np.all((turns * (x + 1j * y)).real <= support + 1e-9):
+                    corners.append(x + 1j * y)
+        least = (turns[:, None] * np.array(corners)).real.max(axis=1)
+        np.testing.assert_allclose(found, least, rtol=1e-7, atol=1e-7)
+        assert np.all(found <= support)
+        assert np.all((turns[:, None] * points).real.max(axis=1) <= found)
+    np.testing.assert_array_equal(tightened(np.full((2, count), np.inf)), np.full((2, count), np.inf))

@@ -12,6 +12,7 @@ from robustid.core import Budget
 from robustid.errors import FileFormatError
 from robustid.guarantees import box_of, placement
 from robustid.guarantees.candidates import candidates_of, shares_of
+from robustid.guarantees.linear import amplitudes
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.further_points import contradicted, further_points
 from robustid.guarantees.over_poles import WorstCaseOverPoles
@@ -146,6 +147,21 @@ def test_halves_have_amplitudes_of_their_own():
     for half in halves:
         np.testing.assert_array_equal(half.proved_again(identified().problem), half.amplitude)
     assert max(half.amplitude[0] for half in halves) >= 0.3
+
+
+def test_amplitudes_of_a_half_take_one_search_from_those_of_the_whole(monkeypatch):
+    """Also where the other middle makes them larger: from discs that are too small no sums would be as good as none."""
+    problem, calls, search = identified(bound=SMALL).problem, [], amplitudes.search
+    monkeypatch.setattr(amplitudes, "search", lambda *given, **named: calls.append(1) or search(*given, **named))
+    whole = box_of(identified(bound=SMALL), *BOX, 1)
+    calls.clear()
+    halves = whole.split(problem, 0)
+    quarters = [one for half in halves for one in half.split(problem, 0, hyperbolic=True)]
+    assert len(calls) == len(halves) + len(quarters)
+    for one in (*halves, *quarters):
+        middle = identified(omega=one.omega.mean(), damping=one.damping.mean(), bound=SMALL)
+        own = box_of(middle, one.omega, one.damping, 1)  # from nothing
+        assert one.amplitude[0] <= 1.02 * own.amplitude[0]
 
 
 @functools.cache

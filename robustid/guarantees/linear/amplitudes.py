@@ -18,6 +18,9 @@ from robustid.guarantees.linear.search import POINTS, nearest_points, search
 _ROUNDS = 4
 _SLACK = 1 + 1e-9
 _LARGER = 10.0, 1.0, 100.0, 0.1  # times amplitudes of a fit and the gain: radii to begin with
+# Times the discs of a larger box, which are those of amplitudes about another middle and may be too small: then no sums are as good
+# as none; and the steps of the search from its sums.
+_ROOM, _STEPS = 1.5, 6
 _FIRST = 80  # points of the first look around a mode
 
 
@@ -71,8 +74,9 @@ def extract(samples: Samples, budget: Budget | None = None, before: Extraction |
     """
     targets = amplitude_targets(samples)
     if before is not None and np.all(np.isfinite(before.known.radius)):
-        there = before.points, before.multipliers
-        found = Extraction(samples, before.known.centre, *search(samples, targets, before.known, start=there))
+        there, centre = (before.points, before.multipliers), before.known.centre
+        known = Amplitudes(centre, _ROOM * before.known.radius)
+        found = Extraction(samples, centre, *search(samples, targets, known, start=there, steps=_STEPS))
         if np.all(np.isfinite(found.known.radius)):
             return found
     fit = guess(samples, targets)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +13,12 @@ from robustid.core import Budget, Complex, Real
 from robustid.guarantees.linear.certificate import Targets, targets_at
 from robustid.guarantees.linear.directed import DirectedBand, Measure, Sides, directions, kernels, supports
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, smallest_discs
+from robustid.guarantees.linear.smoothed import Norms, Smoothed
 
 _SIDES = 16  # directions
 # Smoothing of the steps, as parts of the mean term of a bound: from multipliers of a knot beside, whose points are others, as many
 # steps would be needed.
-_LEVELS = np.geomspace(2, 0.02, 16).tolist()
-_LENGTHS = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6])  # of a step
-# Of what a term's curvature is below that of its majorant, x^2/(2 t) + t/2: with all of it steps overshoot.
-_BEND = 0.85
+_LEVELS = np.geomspace(2, 0.01, 12).tolist()
 # The nearest lines, others ever farther apart, some that are spread over all of them, and the nearest polygons.
 _POINTS, _FARTHER, _SPREAD, _NODES = 3, 21, 4, 8
 _PAYS = 0.998  # of a radius: multipliers with polygons are taken where they are below, and sought farther on
@@ -29,14 +26,13 @@ _FUNCTIONS = 12  # of the class, of each of which it is weighed what is missed; 
 _FEWEST = 24  # angles, where the time is short, and after which it is seen
 _WORTH = 0.97  # whether certificates of directions pay: of the radii of discs
 _LAST = 3  # iterates that are evaluated
-_FEW = 8  # of the levels, from multipliers that are good already
+_FEW = 6  # of the levels, from multipliers that are good already
 _ROUNDS = 40  # of the smallest ellipses
 _FLAT = 1e-9  # of an extent: the least one of an ellipse
 _HALVINGS = 4  # of arcs:
 _WIDE, _LOOSE = 1.0, 1.02  # those that are so much wider in the middle than at their ends, and than a search there
 
 Directed = tuple[NDArray[np.intp], Complex, Real]  # points (n,), multipliers (M, n), bounds (M,)
-Norms = tuple[Real, Real, Real]  # square - 2 cross x + x'Qx, squared, of all directions: Q, cross, square
 
 
 def directed_band(
@@ -257,7 +253,7 @@ class DirectedSearch:
         sides, n = self.sides, points.size
         centre, E = self._ellipses
         rows, rest = _grouped(*self._rows(target, points))
-        bound = _Smoothed([self._norms(target, points), *rest], rows, centre[points], E[points])
+        bound = Smoothed([self._norms(target, points), *rest], rows, centre[points], E[points])
         x = np.zeros((self.turns.size, 2 * n)) if start is None else np.concatenate([start.real, start.imag], axis=1)
         tried: list[Complex] = []
         levels = _LEVELS if start is None else _LEVELS[-_FEW:]
@@ -315,67 +311,6 @@ def _grouped(J: Real, wanted: Real) -> tuple[tuple[Real, Real], list[Norms]]:
     large, small = (np.concatenate([part, part + count]) for part in (order[:_FUNCTIONS], order[_FUNCTIONS:]))
     A, b = J[small] * np.sqrt(count - _FUNCTIONS), wanted[:, small] * np.sqrt(count - _FUNCTIONS)
     return (J[large], wanted[:, large]), [(A.T @ A, b @ A, (b**2).sum(axis=1))]
-
-
-class _Smoothed:
-    """The bound of a target as a function of x = (Re c, Im c), of all directions, each |term| as sqrt(term^2 + delta^2)."""
-
-    def __init__(self, norms: Sequence[Norms], rows: tuple[Real, Real], centre: Complex, E: Real) -> None:
-        self.norms, (self.J, self.wanted) = norms, rows
-        self.linear, self.E, self.count = np.concatenate([centre.real, -centre.imag]), E, centre.size
-        self.unit = np.sqrt(norms[0][2].max())
-
-    def _terms(self, x: Real) -> tuple[Real, Real, list[Real], Real]:
-        """E g of the points, their squares, those of the norms, and what is missed of the functions; x (..., M, 2n)."""
-        a, b = x[..., : self.count], x[..., self.count :]
-        E = self.E
-        turned = np.stack([E[:, 0, 0] * a - E[:, 0, 1] * b, E[:, 1, 1] * b - E[:, 0, 1] * a])
-        own = np.maximum(turned[0] * a + turned[1] * b, 0.0)
-        rest = [
-            np.maximum(square - 2 * (cross * x).sum(axis=-1) + ((x @ Q) * x).sum(axis=-1), 0.0)
-            for Q, cross, square in self.norms
-        ]
-        return turned, own, rest, x @ self.J.T - self.wanted
-
-    def _value(self, x: Real, delta: Real) -> Real:
-        _, own, rest, missed = self._terms(x)
-        half = missed.shape[-1] // 2
-        d = delta[:, None] ** 2
-        sizes = missed[..., :half] ** 2 + missed[..., half:] ** 2
-        total = np.sqrt(own + d).sum(axis=-1) + np.sqrt(sizes + d).sum(axis=-1)
-        return x @ self.linear + total + sum(np.sqrt(one + d[:, 0]) for one in rest)
-
-    def step(self, x: Real, level: float) -> Real:
-        """A step of Newton with the smoothing `level`, as a part of the mean term, and the best of some lengths of it."""
-        n, at = self.count, np.arange(self.count)
-        turned, own, rest, missed = self._terms(x)
-        half = missed.shape[1] // 2
-        sizes = missed[:, :half] ** 2 + missed[:, half:] ** 2
-        total = np.sqrt(own).sum(axis=1) + np.sqrt(sizes).sum(axis=1) + sum(np.sqrt(one) for one in rest)
-        delta = np.maximum(level * total / (n + len(rest) + half), 1e-9 * self.unit)
-        d = delta[:, None] ** 2
-        s, m = np.sqrt(own + d), np.sqrt(sizes + d)
-        both = np.concatenate([m, m], axis=1)
-        gradient = self.linear + np.concatenate([turned[0] / s, turned[1] / s], axis=1) + (missed / both) @ self.J
-        along = missed[:, :half, None] * self.J[:half] + missed[:, half:, None] * self.J[half:]
-        pulls, roots = [x @ Q - cross for Q, cross, _ in self.norms], [np.sqrt(one + d[:, 0])[:, None] for one in rest]
-        # All terms of low rank in one product: these take most of the time.
-        rows = [np.broadcast_to(self.J, (len(x), *self.J.shape)), along, np.stack(pulls, axis=1)]
-        weights = [1 / both, -_BEND / m**3, -_BEND / np.concatenate(roots, axis=1) ** 3]
-        W = np.concatenate(rows, axis=1)
-        H = (W * np.concatenate(weights, axis=1)[:, :, None]).swapaxes(1, 2) @ W
-        for (Q, _, _), pull, r in zip(self.norms, pulls, roots, strict=True):
-            gradient += pull / r
-            H += Q * (1 / r[:, :, None])
-        H[:, at, at] += self.E[:, 0, 0] / s - _BEND * turned[0] ** 2 / s**3
-        H[:, n + at, n + at] += self.E[:, 1, 1] / s - _BEND * turned[1] ** 2 / s**3
-        off = -self.E[:, 0, 1] / s - _BEND * turned[0] * turned[1] / s**3
-        H[:, at, n + at] += off
-        H[:, n + at, at] += off
-        way = np.asarray(np.linalg.solve(H, -gradient[:, :, None])[:, :, 0], dtype=float)
-        tried = x + _LENGTHS[:, None, None] * way
-        best = self._value(tried, delta).argmin(axis=0)
-        return tried[best, np.arange(len(x))]
 
 
 def smallest_ellipse(points: Complex) -> tuple[complex, Real]:

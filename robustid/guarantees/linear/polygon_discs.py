@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Complex, Real
 
@@ -20,12 +22,38 @@ def corners_of_supports(support: Real) -> Complex:
     A direction between two neighbours is a sum of theirs with positive factors, in which the set is at most as far as their corner.
     """
     count = int(support.shape[1])
-    turn = 2 * np.pi / count
+    turn, support = 2 * np.pi / count, tightened(support)
     with np.errstate(invalid="ignore"):
         after: Real = support[:, np.arange(1, count + 1) % count]
         along = (after - support * np.cos(turn)) / np.sin(turn)
         turned: Complex = np.exp(1j * turn * np.arange(count))
         return turned * (support + 1j * along)
+
+
+def tightened(support: Real) -> Real:
+    """Bounds in equally spaced directions, (..., M), or what two on both sides of one leave it, where that is less.
+
+    A direction is a sum of any two less than half a turn apart, one on either side of it, with positive factors: where their sides
+    meet the set ends.
+    """
+    low, high, factors = _pairs(int(support.shape[-1]))
+    if not len(factors):
+        return support
+    with np.errstate(invalid="ignore"):
+        parts = support[..., low] * factors[:, :1], support[..., high] * factors[:, 1:]
+        size = np.abs(parts[0]) + np.abs(parts[1])
+        return np.fmin(support, np.fmin.reduce(parts[0] + parts[1] + _ROUNDING * size, axis=-2))
+
+
+@functools.cache
+def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Real]:
+    """Numbers (P, M) of directions before and behind each, and the factors (P, 2) with which they make it."""
+    turn, at = 2 * np.pi / count, np.arange(count)
+    every = [(before, apart) for apart in range(2, (count + 1) // 2) for before in range(1, apart)]
+    low = np.array([at - before for before, _ in every], int).reshape(-1, count) % count
+    high = np.array([at + apart - before for before, apart in every], int).reshape(-1, count) % count
+    factors = [np.sin(np.array([apart - before, before]) * turn) / np.sin(apart * turn) for before, apart in every]
+    return low, high, np.array(factors).reshape(-1, 2)
 
 
 def smallest_discs(points: Complex) -> tuple[Complex, Real]:
