@@ -14,7 +14,7 @@ from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.faults import Fault, as_faults
 from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured
-from robustid.data.response_parts import ENTRIES, ResponseParts
+from robustid.data.response_parts import ENTRIES, LEVELS, ResponseParts
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
@@ -60,6 +60,9 @@ class FrequencyResponse(ResponseParts, Drawable):
     distortion : (F, ny, nu) array, optional
         Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
         stochastic nonlinear distortion.
+    doubt : (F, ny, nu) array, optional
+        Standard deviation of what the bound holds beside noise and distortion: modes that may be of the noise, and what halves of
+        the measurement differ by. No class is chosen smaller for it (`suggest_prior`).
     faults : sequence of Fault
         Of the records that it was estimated from (`record_faults`).
     judged : bool
@@ -95,6 +98,7 @@ class FrequencyResponse(ResponseParts, Drawable):
     coherence: Any = None
     noise: Any = None
     distortion: Any = None
+    doubt: Any = None
     faults: tuple[Fault, ...] = ()
     judged: bool = False
     modes: tuple[tuple[float, float, float, float], ...] = ()
@@ -117,7 +121,7 @@ class FrequencyResponse(ResponseParts, Drawable):
             covariance = as_array("covariance", self.covariance, dtype=complex)
             if covariance.shape != (wanted := (points, ny * nu, ny * nu)):
                 raise InputError(f"`covariance` must have shape (F, ny*nu, ny*nu) = {wanted}; got {covariance.shape}")
-        levels = {"coherence": (points, ny), "noise": values.shape, "distortion": values.shape}
+        levels = {"coherence": (points, ny), **dict.fromkeys(LEVELS, values.shape)}
         levels = {name: as_level(name, getattr(self, name), shape) for name, shape in levels.items()}
         order = np.argsort(omega, kind="stable")
         self._set(

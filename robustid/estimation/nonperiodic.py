@@ -64,6 +64,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     if loop:
         (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
+    by_noise, by_all = (variances(part, values.shape) for part in (of_noise, covariance))
     power = _smooth(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
         index=index,
@@ -76,7 +77,8 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
-        noise=np.sqrt(variances(of_noise, values.shape)),
+        noise=np.sqrt(by_noise),
+        doubt=np.sqrt(np.maximum(by_all - by_noise, 0)) if np.any(changes) or np.any(found.unsure) else None,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
         modes=() if loop else found.modes,  # the poles of a loop are not those of the plant in it
     )

@@ -36,7 +36,7 @@ class Extraction(Frozen):
 
     @property
     def stored(self) -> Arrays:
-        """What is stored of them: all but the samples, which follow from the problem and a box."""
+        """Parts of them that are stored: all but the samples, which follow from the problem and a box."""
         return {name: getattr(self, name) for name in ("about", "points", "multipliers")}
 
     @functools.cached_property
