@@ -164,8 +164,8 @@ def suggest_prior(
     Of more than 50 frequency points (fewer for MIMO) about 40 stand for all: dense at the modes, a few everywhere. Where the
     model with the recommended prior misses others by more than 1.5 bounds, the worst of them join, until it misses none. The
     gains then are lower ends, computed where the slope may be smallest; at the recommended decay rate it is that of all points.
-    Of what a bound holds beside noise and distortion (`FrequencyResponse.doubt`) the gains know nothing, as long as the class says
-    something: a bound that is wider for a doubt is no reason for a smaller class.
+    The gains are those within the bounds without what is in doubt (`FrequencyResponse.doubt`), as long as the class says something:
+    a bound that is wider for a doubt is no reason for a smaller class.
     A prior from the data at hand is the weakest assumption that these data don't refute, widened by the safety factor;
     they can refute it, never prove it. Source: class of `inanc2001` section II-B; slope from the Schwarz-Pick lemma.
 

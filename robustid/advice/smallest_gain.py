@@ -105,7 +105,7 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
 
 
 def without_doubt(problem: MixedProblem) -> MixedProblem:
-    """The problem with the bounds that noise and distortion alone leave; the same one where its bounds hold nothing else.
+    """The problem with the bounds without what modes in doubt add to them; the same one where there are none.
 
     Inside bounds that are wider for a doubt a smaller non-parametric part holds the data, though nothing shows that it is smaller.
     """
@@ -120,7 +120,7 @@ def _without_doubt(f: FrequencyResponse | TangentialResponse) -> FrequencyRespon
     if f.bound.kind not in PROBABLE or f.bound.joint != "entry":  # it isn't that of the estimate
         return f
     variance = variances(f.covariance, f.values.shape)
-    part = np.divide(f.doubt**2, variance, out=np.zeros(variance.shape), where=variance > 0)
+    part = np.divide(np.abs(f.doubt) ** 2 / 2, variance, out=np.zeros(variance.shape), where=variance > 0)
     left = np.sqrt(np.maximum(1 - part, _SURE**2))
     bound = dataclasses.replace(f.bound, radius=left * f.bound.radius)
     return dataclasses.replace(f, bound=bound, doubt=None)

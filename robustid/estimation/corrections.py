@@ -133,7 +133,8 @@ def _scaled(frf: FrequencyResponse, factor: ArrayLike) -> FrequencyResponse:
         bound = dataclasses.replace(bound, radius=radius, ellipsoid=ellipsoid).turned(by / size)
     levels = {name: size * level for name in LEVELS if (level := getattr(frf, name)) is not None}
     covariance = None if frf.covariance is None else size**2 * frf.covariance
-    return dataclasses.replace(frf, values=by * frf.values, bound=bound, covariance=covariance, **levels)
+    doubt = None if frf.doubt is None else by * frf.doubt
+    return dataclasses.replace(frf, values=by * frf.values, bound=bound, covariance=covariance, doubt=doubt, **levels)
 
 
 def _differentiated(frf: FrequencyResponse) -> FrequencyResponse:
@@ -147,7 +148,7 @@ def _integrated(frf: FrequencyResponse) -> FrequencyResponse:
 
 
 def _conjugated(frf: FrequencyResponse) -> FrequencyResponse:
-    changes: Options = {"values": frf.values.conj()}
+    changes: Options = {"values": frf.values.conj(), "doubt": None if frf.doubt is None else frf.doubt.conj()}
     if frf.covariance is not None:
         changes["covariance"] = frf.covariance.conj()
     if isinstance(frf.bound, Bound):
@@ -192,7 +193,7 @@ def _inverted(frf: FrequencyResponse) -> FrequencyResponse:
 
 
 def _bare(frf: FrequencyResponse) -> FrequencyResponse:
-    return dataclasses.replace(frf, bound=None, covariance=None, **dict.fromkeys(LEVELS))
+    return dataclasses.replace(frf, bound=None, covariance=None, **dict.fromkeys((*LEVELS, "doubt")))
 
 
 def _stretched(frf: FrequencyResponse, factor: float) -> FrequencyResponse:

@@ -103,7 +103,6 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         changing=scatter.changing,
         noise=scatter.noise,
         distortion=scatter.distortion,
-        doubt=np.sqrt(changes).reshape(values.swapaxes(1, 2).shape).swapaxes(1, 2) if np.any(changes) else None,
         real=(2 * index) % period == 0,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
     )

@@ -80,7 +80,7 @@ def in_doubt(doubt, values=None):
     z, known = np.exp(1j * omega), rid.kautz(np.array([0.1]), np.array([1.0]), dt=1.0)
     values = 0.1 / (z - np.exp(-0.1)) + 0.3 / (z - 0.5) if values is None else values
     unsure = np.where(np.arange(25) < 6, doubt, 0.0)
-    parts = {"noise": np.full(25, 0.01), "doubt": unsure, "covariance": (1e-4 + unsure**2).reshape(-1, 1, 1)}
+    parts = {"noise": np.full(25, 0.01), "doubt": unsure, "covariance": (1e-4 + unsure**2 / 2).reshape(-1, 1, 1)}
     frf = rid.FrequencyResponse(omega, values, dt=1.0, **parts).with_joint_bound()
     return rid.MixedProblem(frequency=frf, parametric=known, prior=ANY)
 

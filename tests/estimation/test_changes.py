@@ -66,7 +66,6 @@ def test_the_bound_of_any_excitation_is_wider_where_half_of_the_time_is_of_anoth
             found = response_alone(faulty.records)
             assert CHANGED in found.note
             assert_said(found)
-            np.testing.assert_allclose(found.noise**2 + found.doubt**2, variances(found.covariance, found.values.shape))
             far.append(distance(found, clean.plant))
     assert np.mean(np.array(far) > 1) <= LEFT, far
 
