@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from robustid.advice.kept_gains import KeptGains
-from robustid.advice.smallest_gain import CEILINGS, DIGITS, TAILS, response_sizes
+from robustid.advice.smallest_gain import CEILINGS, DIGITS, TAILS, Mask, response_sizes, thinned
 from robustid.core import Budget, Interruptible, Real
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior
@@ -221,3 +221,10 @@ def _of_fewest(problem: MixedProblem, found: Callable[[MixedProblem], T]) -> tup
             step += 1
             if step > most:
                 raise
+
+
+def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
+    """Masks of the frequency points that stand for all; None where there are few enough."""
+    own = 0 if problem.parametric is None else problem.parametric.size // 2 + 1  # points that tell its functions apart
+    few = max(int(FEW / np.sqrt(problem.entries.count)), own)
+    return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)

@@ -225,7 +225,7 @@ def suggest_kautz(
     kept, boxes, words = _bounded(kept, boxes, fit) if wanted is None else (kept, boxes, "")
     reason += words
     step, edges = fit.plane.dt, _edges(boxes, fit)
-    if wanted is None and len(poles) and not len(kept):  # none stands in a class
+    if wanted is None and (len(poles) or frf.doubt is not None) and not len(kept):  # none stands in a class
         if decades is not None and decades.largest <= 1:
             return _of_decades(fit, decades, lowest, repeat)
         if (slow := slow_poles(frf, fixed_delay)) is not None:

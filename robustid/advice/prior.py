@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robustid.advice.gain_curve import (
-    FEW,
     SAFETY,
     GainCurve,
     default_rates,
     lighter,
     possible,
+    representatives,
     slower_rates,
     smallest_gains,
 )
@@ -25,12 +26,11 @@ from robustid.advice.smallest_gain import (
     CEILINGS,
     DIGITS,
     TAILS,
-    Mask,
     gain_bounds,
     missed,
     response_sizes,
     selected,
-    thinned,
+    without_doubt,
 )
 from robustid.core import Budget, Frozen, Progress, Real, Stops, as_array, as_kind, freeze, one_thread
 from robustid.errors import InputError, SizeError
@@ -39,6 +39,7 @@ from robustid.identification.formulation import formulate
 
 _log = logging.getLogger("robustid")
 
+Judge = Callable[[tuple[Prior | None, ...]], Real]  # median guaranteed errors
 _QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
 
 
@@ -163,6 +164,8 @@ def suggest_prior(
     Of more than 50 frequency points (fewer for MIMO) about 40 stand for all: dense at the modes, a few everywhere. Where the
     model with the recommended prior misses others by more than 1.5 bounds, the worst of them join, until it misses none. The
     gains then are lower ends, computed where the slope may be smallest; at the recommended decay rate it is that of all points.
+    The gains are those within the bounds without what is in doubt (`FrequencyResponse.doubt`), as long as the class says something:
+    a bound that is wider for a doubt is no reason for a smaller class.
     A prior from the data at hand is the weakest assumption that these data don't refute, widened by the safety factor;
     they can refute it, never prove it. Source: class of `inanc2001` section II-B; slope from the Schwarz-Pick lemma.
 
@@ -191,9 +194,13 @@ def suggest_prior(
     if rates is not None and (rates.size == 0 or rates[0] <= least):
         raise InputError(f"`decay_rates` must hold numbers above {least}; got {decay_rates!r}")
     budget = Budget(time_limit, progress, "looking for a prior")
-    if rates is not None:
-        return _search(problem, rates, criterion, budget)
-    return _or_slower(problem, _search(problem, None, criterion, budget), criterion, budget)
+    judge = functools.partial(_guaranteed_errors, problem) if criterion == "error" else None
+
+    def search(data: MixedProblem) -> PriorSuggestion:
+        found = _search(data, rates, judge, budget)
+        return found if rates is not None else _or_slower(data, found, judge, budget)
+
+    return _of_what_is_sure(problem, search)
 
 
 @one_thread()
@@ -213,14 +220,29 @@ def useful_prior(
     except SizeError:  # with a smaller gain bound it may not be too large
         rates = None
     budget, largest = Budget(time_limit, progress, "looking for a prior"), response_sizes(problem)[0]
-    found = _search(problem, rates, "slope", budget, largest, kept)
-    return _or_slower(problem, found, "slope", budget, largest, kept)
+
+    def search(data: MixedProblem) -> PriorSuggestion:
+        return _or_slower(data, _search(data, rates, None, budget, largest, kept), None, budget, largest, kept)
+
+    return _of_what_is_sure(problem, search)
+
+
+def _of_what_is_sure(problem: MixedProblem, search: Callable[[MixedProblem], PriorSuggestion]) -> PriorSuggestion:
+    """The result of a search within the bounds without what is in doubt, where it says something; else within them as they are.
+
+    A class that is taken from wider bounds is smaller: the more a bound admits, the narrower a band would be.
+    """
+    sure = without_doubt(problem)
+    found = search(sure)
+    if sure is problem or not found.complete or says_something(problem, found):
+        return found
+    return search(problem)
 
 
 def _or_slower(
     problem: MixedProblem,
     found: PriorSuggestion,
-    criterion: str,
+    judge: Judge | None,
     budget: Budget,
     most: float = np.inf,
     kept: KeptGains | None = None,
@@ -231,7 +253,7 @@ def _or_slower(
     slower = slower_rates(problem, float(found.decay_rates[0]))
     if not slower.size:
         return found
-    other = _search(problem, slower, criterion, budget, most, kept)
+    other = _search(problem, slower, judge, budget, most, kept)
     return found if other.prior is None else other
 
 
@@ -243,7 +265,7 @@ def says_something(problem: MixedProblem, found: PriorSuggestion) -> bool:
 def _search(
     problem: MixedProblem,
     rates: Real | None,
-    criterion: str,
+    judge: Judge | None,
     budget: Budget,
     most: float = np.inf,
     kept: KeptGains | None = None,
@@ -254,11 +276,9 @@ def _search(
         while True:
             part = problem if masks is None else selected(problem, masks)
             tried = possible(part, default_rates(problem)) if rates is None else rates
-            before = None if found is None or criterion == "error" else GainCurve(found.decay_rates, found.gains)
+            before = None if found is None or judge is not None else GainCurve(found.decay_rates, found.gains)
             curve = smallest_gains(problem, part, tried, before, budget, kept)
-            errors = np.full(curve.rates.size, np.nan)
-            if criterion == "error":
-                errors = _guaranteed_errors(problem, curve.priors(problem))
+            errors = np.full(curve.rates.size, np.nan) if judge is None else judge(curve.priors(problem))
             found = _result(problem, curve, errors, sum(f.omega.size for f in part.frequency))
             if budget.over or stops.interrupted:
                 return dataclasses.replace(found, complete=False)
@@ -298,13 +318,6 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
     else:
         return found
     return _result(problem, GainCurve(rates, gains), found.errors, found.points)
-
-
-def representatives(problem: MixedProblem) -> tuple[Mask, ...] | None:
-    """Masks of the frequency points that stand for all; None where there are few enough."""
-    own = 0 if problem.parametric is None else problem.parametric.size // 2 + 1  # points that tell its functions apart
-    few = max(int(FEW / np.sqrt(problem.entries.count)), own)
-    return None if sum(f.omega.size for f in problem.frequency) <= 1.25 * few else thinned(problem, few)
 
 
 def _result(problem: MixedProblem, curve: GainCurve, errors: Real, points: int) -> PriorSuggestion:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.advice.prior import representatives, suggest_prior
-from robustid.advice.smallest_gain import response_sizes, selected, smallest_gain
+from robustid.advice.gain_curve import representatives
+from robustid.advice.prior import suggest_prior
+from robustid.advice.smallest_gain import response_sizes, selected, smallest_gain, without_doubt
 from robustid.core import Real, as_array, as_kind, as_positive, plane_of
 from robustid.errors import InputError
 from robustid.guarantees import magnitude_weight
@@ -162,6 +163,7 @@ def suggest_roll_off(problem: MixedProblem) -> Prior | None:
         raise InputError("`problem` has no frequency response, in which a roll-off could be seen")
     if problem.prior.weighted:
         raise InputError("`problem` has a prior with a roll-off or a weight already; give it one without")
+    problem = without_doubt(problem)
     masks = representatives(problem)
     part = problem if masks is None else selected(problem, masks)
     rate, top = problem.prior.rate, float(max(f.omega.max() for f in problem.frequency))

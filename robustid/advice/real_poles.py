@@ -66,15 +66,25 @@ def slow_poles(frf: FrequencyResponse, delay: int | None = None) -> RealPoles | 
 
     Behind the delay with which the fewest do, or leave least: poles that stand for a dead time follow it on the frequency points,
     and a class around them is too small for the plant. None of a response in continuous time, of too few points, or without such
-    a pole.
+    a pole. Where modes are in doubt (`FrequencyResponse.doubt`) those of the response that asks for more, with these or without:
+    around fewer a class is too small for a plant that the bounds hold.
     """
     if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
         return None
-    delays = range(most_delay(frf, frf.dt) + 1) if delay is None else (delay,)
-    found = [_behind(frf, frf.dt, one) for one in delays]
+    found = _slow(frf, frf.dt, delay)
+    if frf.doubt is None:
+        return found
+    other = _slow(dataclasses.replace(frf, values=frf.values + frf.doubt, doubt=None), frf.dt, delay)
+    fewer = found is None or (other is not None and other.omega.size > found.omega.size)
+    return other if fewer else found
+
+
+def _slow(frf: FrequencyResponse, dt: float, delay: int | None) -> RealPoles | None:
+    delays = range(most_delay(frf, dt) + 1) if delay is None else (delay,)
+    found = [_behind(frf, dt, one) for one in delays]
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
-    slow = (best.damping > _HEAVY) & (best.omega * frf.dt < _FAST) & (best.omega > _SLOWEST * lowest)
+    slow = (best.damping > _HEAVY) & (best.omega * dt < _FAST) & (best.omega > _SLOWEST * lowest)
     if not slow.any():
         return None
     omega = np.sort(best.omega[slow])

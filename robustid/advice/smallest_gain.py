@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Budget, Complex, Real, StateSpace, threads_for
-from robustid.data import FrequencyResponse, TangentialResponse
+from robustid.data import PROBABLE, FrequencyResponse, TangentialResponse, variances
 from robustid.errors import SolverError
 from robustid.identification import MixedProblem, model_residuals
 from robustid.identification.formulation import formulate
@@ -29,6 +29,7 @@ _MODE = 6.0  # points that a mode gets beside those in equal steps
 _SPARE = 1.5  # times its bound: what a point that was left out may miss the model of the others by
 # A point that is barely outside says something about noise; the noise of two points, of model and data, is 2 bounds.
 _ADDED = 8  # points that join the others at a time
+_SURE = 1e-3  # of a bound is left at least without what is in doubt: what is below is next to no noise
 _NEGLIGIBLE = 0.01  # a non-parametric part below this part of the smallest bound can't be told from none
 
 
@@ -101,6 +102,28 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
         values.append(float(np.where(record.bound.used, np.abs(record.y) / drive, 0.0).max()))
         bounds.append(float((record.bound.radius / drive).min()))
     return max(*values, *bounds), min(bounds)
+
+
+def without_doubt(problem: MixedProblem) -> MixedProblem:
+    """The problem with the bounds without what modes in doubt add to them; the same one where there are none.
+
+    Inside bounds that are wider for a doubt a smaller non-parametric part holds the data, though nothing shows that it is smaller.
+    """
+    found = tuple(_without_doubt(f) for f in problem.frequency)
+    same = all(one is other for one, other in zip(found, problem.frequency, strict=True))
+    return problem if same else dataclasses.replace(problem, frequency=found)
+
+
+def _without_doubt(f: FrequencyResponse | TangentialResponse) -> FrequencyResponse | TangentialResponse:
+    if isinstance(f, TangentialResponse) or f.doubt is None or f.covariance is None:
+        return f
+    if f.bound.kind not in PROBABLE or f.bound.joint != "entry":  # it isn't that of the estimate
+        return f
+    variance = variances(f.covariance, f.values.shape)
+    part = np.divide(np.abs(f.doubt) ** 2 / 2, variance, out=np.zeros(variance.shape), where=variance > 0)
+    left = np.sqrt(np.maximum(1 - part, _SURE**2))
+    bound = dataclasses.replace(f.bound, radius=left * f.bound.radius)
+    return dataclasses.replace(f, bound=bound, doubt=None)
 
 
 def entry_sizes(problem: MixedProblem, f: FrequencyResponse | TangentialResponse) -> Real:

@@ -16,8 +16,7 @@ from robustid.advice.experiment_corrections import (
     experiments,
     without_experiments,
 )
-from robustid.advice.gain_curve import possible_rates
-from robustid.advice.prior import representatives
+from robustid.advice.gain_curve import possible_rates, representatives
 from robustid.advice.smallest_gain import CEILINGS, response_sizes, selected, smallest_gain
 from robustid.core import Budget
 from robustid.data import Fault, FaultKind, FrequencyResponse

@@ -1,7 +1,7 @@
 """Measurements: records and responses with bounds on their errors; excitations and preparation."""
 
 from robustid.core import save, stored
-from robustid.data.bound import Bound, Caveat
+from robustid.data.bound import PROBABLE, Bound, Caveat
 from robustid.data.bound_checks import as_probability
 from robustid.data.error_sets import bound_ratio, chance_beyond, joint_radius, stacked, tilted, variances
 from robustid.data.excitation import Excitation, multisine
@@ -12,6 +12,7 @@ from robustid.data.frequency_response import FrequencyResponse, as_frequency_res
 from robustid.data.inverse_response import inverse_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
 from robustid.data.prepare import decimate, detrend, sample_time, uniform_step
+from robustid.data.response_parts import ENTRIES, LEVELS
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
 from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
@@ -19,10 +20,13 @@ from robustid.data.time_record import INITIAL, PAST, TimeRecord, as_records
 stored(Bound, Caveat, Fault, FaultKind, FrequencyResponse, TangentialResponse, TimeRecord)
 
 __all__ = [
+    "ENTRIES",
     "INITIAL",
+    "LEVELS",
     "NONLINEAR",
     "NYQUIST_SLACK",
     "PAST",
+    "PROBABLE",
     "SAME_FREQUENCY",
     "Bound",
     "Caveat",

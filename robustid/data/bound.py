@@ -38,7 +38,7 @@ class Caveat(enum.StrEnum):
 _CHANGED = (
     " Halves of the measurement differ beyond chance: the plant changed, and the bound holds what they differ by."
 )
-_PROBABLE = ("confidence", "tolerance")
+PROBABLE = ("confidence", "tolerance")
 _OF_PROBABLE = ("probability", "dof")
 
 
@@ -108,7 +108,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
         if self.kind not in KINDS:
             raise InputError(f"`kind` of a bound must be one of {tuple(KINDS)}; got {self.kind!r}")
         for name in _OF_PROBABLE:
-            if getattr(self, name) is not None and self.kind not in _PROBABLE:
+            if getattr(self, name) is not None and self.kind not in PROBABLE:
                 raise InputError(f"`{name}` belongs to a confidence or tolerance bound; got kind={self.kind!r}")
         if self.excitations is not None and self.kind == "hard":
             raise InputError("`excitations` belongs to an estimated bound; a hard bound is a statement of yours")
@@ -350,7 +350,7 @@ class Bound(NDArrayOperatorsMixin, Frozen):
     @property
     def of_one_excitation(self) -> bool:
         """True of a bound that was estimated from a single excitation: what rests on it is a statement for this excitation."""
-        return self.kind in _PROBABLE and self.excitations == 1
+        return self.kind in PROBABLE and self.excitations == 1
 
     @property
     def about(self) -> str:

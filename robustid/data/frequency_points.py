@@ -226,6 +226,16 @@ def in_parts(key: Any) -> tuple[Any, Any, Any]:
     return samples, outputs, inputs
 
 
+def as_entries(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.complex128]:
+    """A complex number for every frequency point and entry."""
+    found = as_array(name, value, dtype=complex)
+    if found.size == shape[0] and np.prod(shape) == shape[0]:
+        found = found.reshape(shape)
+    if found.shape != shape:
+        raise InputError(f"`{name}` must have shape {shape}; got {found.shape}")
+    return found
+
+
 def as_level(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
     """A coherence or standard deviation of every frequency point, not negative."""
     if value is None:

@@ -13,8 +13,8 @@ from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
 from robustid.data.faults import Fault, as_faults
-from robustid.data.frequency_points import as_level, as_modes, as_note, as_points, check_measured
-from robustid.data.response_parts import ENTRIES, ResponseParts
+from robustid.data.frequency_points import as_entries, as_level, as_modes, as_note, as_points, check_measured
+from robustid.data.response_parts import ENTRIES, LEVELS, ResponseParts
 from robustid.data.tangential import TangentialResponse, as_left, as_right, combined
 from robustid.errors import InputError, InputTypeError
 from robustid.figures import Drawable
@@ -60,6 +60,9 @@ class FrequencyResponse(ResponseParts, Drawable):
     distortion : (F, ny, nu) array, optional
         Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
         stochastic nonlinear distortion.
+    doubt : (F, ny, nu) complex array, optional
+        What modes that may be of the noise would add to the values: the response is as likely the one as the other, and half the
+        square is part of `covariance`. No class is chosen smaller for it (`suggest_prior`, `suggest_kautz`).
     faults : sequence of Fault
         Of the records that it was estimated from (`record_faults`).
     judged : bool
@@ -95,6 +98,7 @@ class FrequencyResponse(ResponseParts, Drawable):
     coherence: Any = None
     noise: Any = None
     distortion: Any = None
+    doubt: Any = None
     faults: tuple[Fault, ...] = ()
     judged: bool = False
     modes: tuple[tuple[float, float, float, float], ...] = ()
@@ -117,14 +121,16 @@ class FrequencyResponse(ResponseParts, Drawable):
             covariance = as_array("covariance", self.covariance, dtype=complex)
             if covariance.shape != (wanted := (points, ny * nu, ny * nu)):
                 raise InputError(f"`covariance` must have shape (F, ny*nu, ny*nu) = {wanted}; got {covariance.shape}")
-        levels = {"coherence": (points, ny), "noise": values.shape, "distortion": values.shape}
+        levels = {"coherence": (points, ny), **dict.fromkeys(LEVELS, values.shape)}
         levels = {name: as_level(name, getattr(self, name), shape) for name, shape in levels.items()}
+        doubt = None if self.doubt is None else as_entries("doubt", self.doubt, values.shape)
         order = np.argsort(omega, kind="stable")
         self._set(
             omega=freeze(omega[order]),
             values=freeze(values[order]),
             bound=None if bound is None else bound.select(order),
             covariance=None if covariance is None else freeze(covariance[order]),
+            doubt=None if doubt is None else freeze(doubt[order]),
             dt=dt,
             inputs=as_signals("inputs", self.inputs, nu, "u"),
             outputs=as_signals("outputs", self.outputs, ny, "y"),
@@ -163,7 +169,11 @@ class FrequencyResponse(ResponseParts, Drawable):
         (2+0j)
         """
         turn = np.exp(1j * self.omega * as_float("seconds", seconds))[:, None, None]
-        return self._with(values=self.values * turn, bound=None if self.bound is None else self.bound.turned(turn))
+        return self._with(
+            values=self.values * turn,
+            doubt=None if self.doubt is None else self.doubt * turn,
+            bound=None if self.bound is None else self.bound.turned(turn),
+        )
 
     def tangential(
         self, *, right: ArrayLike | None = None, left: ArrayLike | None = None, bound: ArrayLike | None = None

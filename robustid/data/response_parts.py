@@ -10,7 +10,8 @@ from robustid.core import Complex, Tabular
 from robustid.data.frequency_points import FrequencyPoints, in_parts, signal_index, signal_indices
 from robustid.errors import InputError
 
-ENTRIES = ("values", "noise", "distortion")  # one number per frequency point and entry of the matrix
+LEVELS = ("noise", "distortion")  # standard deviations
+ENTRIES = ("values", *LEVELS, "doubt")  # one number per frequency point and entry of the matrix
 
 
 class ResponseParts(FrequencyPoints, Tabular):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Options, as_float, as_kind, hz_words
-from robustid.data import SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, detrend, points_at
+from robustid.data import ENTRIES, LEVELS, SAME_FREQUENCY, Bound, FrequencyResponse, TimeRecord, detrend, points_at
 from robustid.errors import InputError
 
 _DEGREE = math.pi / 180
@@ -131,9 +131,10 @@ def _scaled(frf: FrequencyResponse, factor: ArrayLike) -> FrequencyResponse:
         ellipsoid = None if bound.ellipsoid is None else size**2 * bound.ellipsoid
         radius = None if bound.radius is None else size * bound.radius
         bound = dataclasses.replace(bound, radius=radius, ellipsoid=ellipsoid).turned(by / size)
-    levels = {name: size * level for name in ("noise", "distortion") if (level := getattr(frf, name)) is not None}
+    levels = {name: size * level for name in LEVELS if (level := getattr(frf, name)) is not None}
     covariance = None if frf.covariance is None else size**2 * frf.covariance
-    return dataclasses.replace(frf, values=by * frf.values, bound=bound, covariance=covariance, **levels)
+    doubt = None if frf.doubt is None else by * frf.doubt
+    return dataclasses.replace(frf, values=by * frf.values, bound=bound, covariance=covariance, doubt=doubt, **levels)
 
 
 def _differentiated(frf: FrequencyResponse) -> FrequencyResponse:
@@ -147,7 +148,7 @@ def _integrated(frf: FrequencyResponse) -> FrequencyResponse:
 
 
 def _conjugated(frf: FrequencyResponse) -> FrequencyResponse:
-    changes: Options = {"values": frf.values.conj()}
+    changes: Options = {"values": frf.values.conj(), "doubt": None if frf.doubt is None else frf.doubt.conj()}
     if frf.covariance is not None:
         changes["covariance"] = frf.covariance.conj()
     if isinstance(frf.bound, Bound):
@@ -159,7 +160,7 @@ def _conjugated(frf: FrequencyResponse) -> FrequencyResponse:
 def _transposed(frf: FrequencyResponse) -> FrequencyResponse:
     if isinstance(frf.bound, Bound) and frf.bound.joint != "entry":
         raise InputError(f'"transpose" needs a bound of every entry; this one is of the {frf.bound.joint}')
-    arrays = {name: getattr(frf, name) for name in ("values", "noise", "distortion")}
+    arrays = {name: getattr(frf, name) for name in ENTRIES}
     changes: Options = {name: part.transpose(0, 2, 1) for name, part in arrays.items() if part is not None}
     if isinstance(frf.bound, Bound):
         tilt = None if frf.bound.tilt is None else frf.bound.tilt.transpose(0, 2, 1)
@@ -192,7 +193,7 @@ def _inverted(frf: FrequencyResponse) -> FrequencyResponse:
 
 
 def _bare(frf: FrequencyResponse) -> FrequencyResponse:
-    return dataclasses.replace(frf, bound=None, covariance=None, noise=None, distortion=None)
+    return dataclasses.replace(frf, bound=None, covariance=None, **dict.fromkeys((*LEVELS, "doubt")))
 
 
 def _stretched(frf: FrequencyResponse, factor: float) -> FrequencyResponse:

@@ -61,7 +61,9 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         changes += added
     values, of_noise = found.values, found.of_noise
     covariance = of_noise + stacked(changes + found.unsure)[:, None, :] * np.eye(of_noise.shape[1])
+    others = values + found.doubt
     if loop:
+        others = divided(others, covariance, ny)[0]
         (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
     power = _smooth(np.mean(np.abs(y) ** 2, axis=0), half)[index]
@@ -77,6 +79,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
         noise=np.sqrt(variances(of_noise, values.shape)),
+        doubt=others - values if np.any(found.doubt) else None,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
         modes=() if loop else found.modes,  # the poles of a loop are not those of the plant in it
     )
@@ -92,15 +95,19 @@ def _signs(records: int, samples: int) -> np.ndarray:
 
 
 class _Fitted(NamedTuple):
-    """Responses at lines (f, nz, nx), covariances of their vec from noise alone, and variances of what is left out in doubt."""
+    """Responses at lines (f, nz, nx), covariances of their vec from noise alone, and what modes that are left out in doubt add."""
 
     values: np.ndarray
     of_noise: np.ndarray
-    unsure: np.ndarray
+    doubt: np.ndarray
     residual: np.ndarray  # (f, nz) variances
     change: np.ndarray  # (f, 2 or 1, nz, nx) halves of the changes from half to half
     sure: np.ndarray  # their variances, 0 where both halves do not tell
     modes: tuple[tuple[float, float, float, float], ...]
+
+    @property
+    def unsure(self) -> np.ndarray:
+        return np.abs(self.doubt) ** 2 / 2
 
 
 def _fitted(x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray, samples: int) -> _Fitted:
@@ -116,12 +123,12 @@ def _fitted(x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray,
 
     values, covariance, residual, change, sure = fitted(known.spectra, index)
     values = values + known.values
-    unsure = np.zeros(values.shape)
+    added = np.zeros(values.shape, complex)
     if (doubt := known.doubt) is not None and doubt.lines.size:
         # Modes that may be of the noise are left out: as likely as not, the response is the one with them.
         others = fitted(doubt.spectra, index[doubt.lines])[0] + doubt.values
-        unsure[doubt.lines] = np.abs(others - values[doubt.lines]) ** 2 / 2
-    return _Fitted(values, covariance + known.covariance, unsure, residual, change, sure, known.modes)
+        added[doubt.lines] = others - values[doubt.lines]
+    return _Fitted(values, covariance + known.covariance, added, residual, change, sure, known.modes)
 
 
 def _apart(drives: np.ndarray, answers: np.ndarray, index: np.ndarray, values: np.ndarray, late: str) -> np.ndarray:

@@ -27,7 +27,7 @@ CLASSES: dict[str, type[Measured]] = {
     "time": TimeRecord,
 }
 _FACTORS = ("covariance_inputs", "covariance_outputs")
-_COMPLEX = ("values", "tilt", "covariance", "ellipsoid", "right", "left", *_FACTORS)
+_COMPLEX = ("values", "doubt", "tilt", "covariance", "ellipsoid", "right", "left", *_FACTORS)
 _LARGE, _ROUNDING = 16, 1e-13  # entries from which on a covariance is stored by its factors, and their error
 _ROWS = 20_000
 

@@ -57,8 +57,13 @@ def halved(omega: Real, tried: Real) -> tuple[Real, Real]:
     return every, known
 
 
-def shares_of(errors: Real, largest: Real) -> Real:
-    """Errors (F, ny, nu) in units of the `largest` (ny, nu), (F,): of the entry where that is most; 1 where neither has a bound."""
+def in_units(errors: Real, largest: Real) -> Real:
+    """Errors (..., ny, nu) over the `largest` (ny, nu); 1 where neither has a bound."""
     shares = np.ones(errors.shape)
     np.divide(errors, largest, out=shares, where=np.isfinite(errors) | np.isfinite(largest))
-    return np.asarray(shares.max(axis=(1, 2)), dtype=float)
+    return shares
+
+
+def shares_of(errors: Real, largest: Real) -> Real:
+    """Errors (F, ny, nu) in units of the `largest` (ny, nu), (F,): of the entry where that is most."""
+    return np.asarray(in_units(errors, largest).max(axis=(1, 2)), dtype=float)

@@ -193,8 +193,11 @@ class OverBox(Programs):
                 leaves = self._tree.cover(w, self._largest, most, means.budget, start=before or self._beside(w, most))
                 if leaves is None or set(leaves) == set(before):
                     break  # the time is over, or no more cells make it smaller
+                errors = self._errors(w, leaves)
+                if not np.isfinite(errors).any():
+                    break  # cells in which no amplitude has a bound narrow nothing anywhere
                 self._covers[w], seen = leaves, [*seen, w]
-                share[w] = min(share[w], self._share(w, leaves))
+                share[w] = min(share[w], float(shares_of(errors[None], self._largest)[0]))
                 if means.progress is not None:
                     means.progress(_WORDS, self._looked, self.most)
         self._interrupted |= sweep.interrupted
@@ -202,10 +205,10 @@ class OverBox(Programs):
         radii = [self._radius(self._covers[w], w) for w in found.tolist()]
         return found, np.array(radii).reshape(-1, *self.entries.shape)
 
-    def _share(self, omega: float, leaves: list[Branch]) -> float:
-        """The proved error of cells at a frequency, in units of the largest that is known."""
+    def _errors(self, omega: float, leaves: list[Branch]) -> Real:
+        """The proved errors (ny, nu) of cells at a frequency."""
         nominal = self.identification.problem.plane.values_at(self.model, np.array([omega]))[0]
-        return float(max(shares_of(leaf.errors(omega, nominal)[None], self._largest)[0] for leaf in leaves))
+        return np.asarray(np.max([leaf.errors(omega, nominal) for leaf in leaves], axis=0), dtype=float)
 
     def _beside(self, omega: float, most: int) -> list[Branch]:
         """Cells of the nearest frequency that has some, if these are not more than so many."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from robustid.core import Budget, Complex, Pieces, Real
 from robustid.errors import InconsistentDataError
 from robustid.guarantees.amplitude_bounds import modes_by_frequency
+from robustid.guarantees.candidates import in_units
 from robustid.guarantees.linear.certificate import Targets, targets_at
 from robustid.guarantees.linear.directed import DirectedBand, directions, left_by_series
 from robustid.guarantees.linear.directed_search import DirectedSearch
@@ -199,7 +200,7 @@ class PoleTree:
             if not pieces.begins():
                 return None
             leaf.solve(omega, nominal)
-            sizes[leaf], above[leaf] = float((leaf.errors(omega, nominal) / scale).max()), []
+            sizes[leaf], above[leaf] = float(in_units(leaf.errors(omega, nominal), scale).max()), []
         leaves = best = self._left([self.root])
         if start and max(sizes[leaf] for leaf in start) < sizes[self.root]:
             leaves = best = self._left(start)
@@ -211,14 +212,17 @@ class PoleTree:
                 break
             for half in halves:
                 half.solve(omega, nominal)
-                sizes[half], above[half] = float((half.errors(omega, nominal) / scale).max()), [*above[worst], worst]
+                sizes[half], above[half] = (
+                    float(in_units(half.errors(omega, nominal), scale).max()),
+                    [*above[worst], worst],
+                )
             leaves = self._left([*(leaf for leaf in leaves if leaf is not worst), *halves])
             best = min(best, leaves, key=lambda one: max(sizes[leaf] for leaf in one))
         return best
 
     def _halves(self, branch: Branch, omega: float, nominal: Complex, scale: Real) -> tuple[Branch, ...]:
         """Halves of the mode that matters at a frequency in the entry with the largest error."""
-        errors = branch.errors(omega, nominal) / scale
+        errors = in_units(branch.errors(omega, nominal), scale)
         entry, place = max(
             ((k, one.samples.entry) for k, one in enumerate(branch.cell.proofs)), key=lambda one: errors[one[1]]
         )

@@ -164,7 +164,9 @@ class ValueSet(Frozen):
 def corners(directions: Real, support: Real) -> Complex:
     """Points where neighbouring sides Re(exp(-j theta) v) = support of a closed polygon meet."""
     there, turn = np.roll(support, -1), turns(directions)
-    return np.exp(1j * directions) * (support + 1j * (there - support * np.cos(turn)) / np.sin(turn))
+    with np.errstate(invalid="ignore"):  # of sides without a bound
+        found = np.exp(1j * directions) * (support + 1j * (there - support * np.cos(turn)) / np.sin(turn))
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def turns(directions: Real) -> Real:

@@ -8,7 +8,7 @@ import pytest
 import robustid as rid
 from robustid.advice import computable_step, gain_curve, kept_gains, prior, says_something, suggest_prior, useful_prior
 from robustid.advice.sensitivity import guaranteed
-from robustid.advice.smallest_gain import gain_bounds, missed, selected, smallest_gain, thinned
+from robustid.advice.smallest_gain import gain_bounds, missed, selected, smallest_gain, thinned, without_doubt
 from robustid.core import Budget
 from robustid.errors import InputTypeError, SizeError
 from robustid.identification.formulation import formulate
@@ -72,6 +72,50 @@ def test_parametric_part_alone_gives_a_small_multiple_of_the_bounds():
         found = suggest_prior(structure_problem(slice(0, 2), seed=seed), decay_rates=[1.1, 1.3])
         assert np.all(found.gains == 0)
         assert found.prior.gain_bound == pytest.approx(2 * 0.03)
+
+
+def in_doubt(doubt, values=None):
+    """A known pole, a rest, and noise of 0.01, in a bound that holds a doubt at the first six lines, too."""
+    omega = np.linspace(0.05, 1.5, 25)
+    z, known = np.exp(1j * omega), rid.kautz(np.array([0.1]), np.array([1.0]), dt=1.0)
+    values = 0.1 / (z - np.exp(-0.1)) + 0.3 / (z - 0.5) if values is None else values
+    unsure = np.where(np.arange(25) < 6, doubt, 0.0)
+    parts = {"noise": np.full(25, 0.01), "doubt": unsure, "covariance": (1e-4 + unsure**2 / 2).reshape(-1, 1, 1)}
+    frf = rid.FrequencyResponse(omega, values, dt=1.0, **parts).with_joint_bound()
+    return rid.MixedProblem(frequency=frf, parametric=known, prior=ANY)
+
+
+def test_a_class_is_not_smaller_for_a_doubt():
+    """Inside the wider bounds .7 of the gain bound holds the data: a band of that class would be the narrower for the doubt."""
+    sure, wide = (suggest_prior(in_doubt(doubt), decay_rates=[1.05, 1.1]) for doubt in (0.0, 0.1))
+    assert smallest_gain(in_doubt(0.1), 1.1) < 0.8 * smallest_gain(in_doubt(0.0), 1.1)
+    np.testing.assert_allclose(wide.gains, sure.gains, rtol=1e-6)
+    assert wide.prior.gain_bound == pytest.approx(sure.prior.gain_bound, rel=1e-6)
+    assert useful_prior(in_doubt(0.1)).prior.gain_bound == pytest.approx(
+        useful_prior(in_doubt(0.0)).prior.gain_bound, rel=1e-6
+    )
+    assert rid.identify(dataclasses.replace(in_doubt(0.1), prior=wide.prior)).consistent
+
+
+def test_where_only_the_doubt_holds_the_data_it_counts():
+    values = (
+        in_doubt(0.0).frequency[0].values + np.where(np.arange(25) < 6, 0.2 * (-1.0) ** np.arange(25), 0)[:, None, None]
+    )
+    problem = in_doubt(0.2, values)
+    found = suggest_prior(problem, decay_rates=[1.1])
+    assert says_something(problem, found)
+    assert not says_something(in_doubt(0.0, values), suggest_prior(in_doubt(0.0, values), decay_rates=[1.1]))
+
+
+def test_a_bound_that_was_stated_holds_no_doubt():
+    problem = in_doubt(0.1)
+    assert without_doubt(problem) is not problem
+    stated = dataclasses.replace(problem, frequency=problem.frequency[0].with_bound(0.03))
+    assert without_doubt(stated) is stated
+    certain = in_doubt(0.0).frequency[0]
+    without = without_doubt(problem).frequency[0]
+    np.testing.assert_allclose(without.bound.radius, certain.bound.radius)
+    assert without.doubt is None  # it is taken out once
 
 
 def test_contradictory_samples_have_no_prior():
@@ -228,7 +272,7 @@ def risen(seed, monkeypatch):
     problem = rid.MixedProblem(frequency=frf, prior=ANY)
     steps = rng.uniform(0, 1, (5, 9)) * rng.choice([0.02, 0.3, 3.0], (5, 9))
     every = 0.1 * np.exp(np.cumsum(np.cumsum(steps, axis=1), axis=0))
-    rates, first = gain_curve.default_rates(problem), int(prior.representatives(problem)[0].sum())
+    rates, first = gain_curve.default_rates(problem), int(gain_curve.representatives(problem)[0].sum())
 
     def gain(part, rate, *_):
         asked.append((sum(f.omega.size for f in part.frequency), rate))
@@ -251,7 +295,7 @@ def risen(seed, monkeypatch):
 @pytest.mark.parametrize("seed", seeds(1, 20))
 def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope_asks_for(seed, monkeypatch):
     problem, every, asked = risen(seed, monkeypatch)
-    rates, first = gain_curve.default_rates(problem), int(prior.representatives(problem)[0].sum())
+    rates, first = gain_curve.default_rates(problem), int(gain_curve.representatives(problem)[0].sum())
     found = suggest_prior(problem)
     last = every[(found.points - first) // 8]
     slopes = [rid.Prior(gain_bound=found.safety * k, decay_rate=r).slope for k, r in zip(last, rates, strict=True)]

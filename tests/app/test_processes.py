@@ -13,6 +13,7 @@ from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.posing import posed
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.run_folder import Surroundings
+from robustid.estimation import response_alone
 from support.cases import slow
 from support.fault_plants import recipes
 from support.processes import Process, beside, process_of
@@ -92,6 +93,16 @@ def test_real_poles_of_exact_data_are_exact(constants, dead):
     assert found.repeat == 2
     assert found.basis.size == 2 * found.omega.size
     assert found.delay in (dead, dead + 1)  # one sample more is a constant less
+
+
+def test_poles_that_may_be_of_the_noise_stand_in_the_class():
+    """Without them next to nothing is left at the first lines, within wide bounds: the plant left its band by 11.9."""
+    plant, record = process_of(83)
+    frf = response_alone(record)
+    assert slow_poles(dataclasses.replace(frf, doubt=None)) is None
+    found = slow_poles(frf)
+    assert found.omega.size == 1
+    assert plant.constants.min() < 1 / found.omega[0] < plant.constants.sum()
 
 
 def test_constant_and_light_mode_are_no_process():

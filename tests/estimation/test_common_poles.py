@@ -9,12 +9,14 @@ import scipy.signal
 
 import robustid as rid
 from robustid.core import responses, simulate
+from robustid.data import variances
 from robustid.errors import InputError
 from robustid.estimation import response_alone
 from robustid.estimation.common_poles import predicted
 from support.cases import slow
 from support.fault_plants import recipes, record
 from support.loop_truths import recorded
+from support.processes import process_of
 from support.short_records import plant_of, record_of
 
 DT = 1e-3
@@ -168,6 +170,12 @@ def test_modes_are_kept_in_files_and_checked(tmp_path):
     for name in ("frf.npz", "frf.csv"):
         rid.save(tmp_path / name, frf)
         assert rid.load(tmp_path / name).modes == frf.modes
+    unsure = response_alone(process_of(83)[1])
+    variance = variances(unsure.covariance, unsure.values.shape)
+    np.testing.assert_allclose(unsure.noise**2 + np.abs(unsure.doubt) ** 2 / 2, variance)
+    for name in ("unsure.npz", "unsure.csv"):
+        rid.save(tmp_path / name, unsure)
+        np.testing.assert_allclose(rid.load(tmp_path / name).doubt, unsure.doubt)
     with pytest.raises(InputError, match="`modes` must hold positive ends"):
         rid.FrequencyResponse([10.0], [1.0], modes=[(2.0, 1.0, 0.1, 0.2)])
 

@@ -19,6 +19,7 @@ from robustid.guarantees.over_poles import WorstCaseOverPoles
 from robustid.guarantees.pole_proofs import RefutedBySums, SummedCell, is_empty
 from robustid.guarantees.pole_tree import Branch, PoleTree
 from robustid.guarantees.sweep import Means
+from robustid.guarantees.value_set import corners
 from support.forging import arrays_of, forge
 from support.refusals import refused
 
@@ -329,3 +330,20 @@ def test_frequencies_beyond_the_data_are_thought_of_where_the_discs_are_larger_t
         assert not np.isin([0.5, 26.0], found).any()
         assert np.all(np.diff(found) > 0)
         assert np.all(found[(found < 1.0) | (found > 25.0)] == [28.0, 30.0])
+
+
+def test_cells_without_a_bound_end_the_search_without_a_warning(monkeypatch):
+    """Of a box that reaches undamped poles: where the band has no bound either, infinite errors are 1 in units of it."""
+    monkeypatch.setattr(Branch, "errors", lambda *_: np.full((1, 1), np.inf))
+    found, infinite, omega = identified(bound=SMALL), np.full((1, 1), np.inf), np.array([PEAK, NEAR])
+    own = PoleTree(found.problem, found.model, box_of(found, *BOX, 1))
+    assert own.cover(PEAK, infinite, 4, None)
+    programs = placement.OverBox(found, found.model, BOX, infinite)
+    seen, radius = programs.lower(omega, rid.band(found, box=BOX, omega=omega), Means(None, None, None, Budget()))
+    assert seen.size == radius.size == 0
+    assert programs.polygons() is None
+
+
+def test_sides_without_a_bound_have_no_corners():
+    found = corners(np.arange(16) * np.pi / 8, np.full(16, np.inf))
+    assert np.all(np.isinf(np.abs(found - 1j)))

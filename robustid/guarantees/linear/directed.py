@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -272,7 +273,7 @@ class DirectedBand(Frozen):
         order = np.argsort(before, kind="stable")
         targets = targets_at(self.samples, angles[order])
         starts = np.flatnonzero(np.diff(before[order], prepend=-1))
-        for start, stop in zip(starts.tolist(), [*starts[1:].tolist(), angles.size], strict=True):
+        for start, stop in itertools.pairwise([*starts.tolist(), angles.size]):
             own = order[start:stop]
             points, low, high = self.of_arc(int(before[own[0]]))
             t = part[own][:, None, None]

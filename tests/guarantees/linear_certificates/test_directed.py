@@ -74,6 +74,7 @@ def test_a_plant_at_the_edge_is_within_every_side(kind, seed):
     for one in sides_of(found):
         support, own = one.supports(plant.problem.plane.angles(omega)), values[:, *one.samples.entry]
         assert np.all((own[:, None] * one.turns).real <= support)
+        assert [part.size for part in one.at(np.zeros(0))] == [0, 0]
         centre, radius = one.at(plant.problem.plane.angles(omega))
         assert np.all(np.abs(own - centre) <= radius)
 
