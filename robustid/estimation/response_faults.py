@@ -32,7 +32,7 @@ _SMALL = 1e-9  # part of the largest value, below which no part of it makes sens
 _CONSTANT = 1e-6  # part of a response that varies, below which it is a constant
 _OUTSIDE = 1.5  # noise in units of its bound, rms, that no bound holds
 _EVEN = 0.4  # times the rms, that noise has in the median: .83 where it is as large everywhere
-_UNEVEN = 0.1  # the same of noise that is larger in a part of the axis; of modes between the points .04 and less
+_FAR = 3.0  # bounds in the median, of scatter that is uneven: modes between the points leave up to 2.1
 _DECIBELS, _DYNAMIC = 6.0, 160.0  # by which a magnitude in decibels varies at least, and at most in any measurement
 _FOUND: weakref.WeakKeyDictionary[FrequencyResponse, tuple[Fault, ...]] = weakref.WeakKeyDictionary()
 _OF_STABLE = {
@@ -223,7 +223,7 @@ def _scattered(frf: FrequencyResponse) -> list[Fault]:
         left = np.abs(found.residual) / bound.reshape(-1)
         size = float(np.sqrt(np.mean(left**2)))
         # Modes narrower than the points are apart look like noise, in a part of the axis.
-        even = bool(np.median(left) >= max(min(_EVEN * size, _OUTSIDE), _UNEVEN * size))
+        even = bool(np.median(left) >= min(_EVEN * size, _FAR))
         if size >= _OUTSIDE and found.white and (even or not found.falling):
             judged.append((even, size, float(left.max())))
     if not judged:
