@@ -283,10 +283,7 @@ def in_loop(work: Work) -> None:
 
 
 def narrowed(work: Work) -> None:
-    """The band over the box of poles that the data leave, with polygons over the same box: where they gain most, or as stated.
-
-    Their frequencies are kept in the run file, which gives the same again.
-    """
+    """The band over the box of poles, with polygons where they gain most or as stated; the run file keeps their frequencies."""
     if work.band is None:
         return
     work.band = work.band.with_model(work.model)
