@@ -104,7 +104,8 @@ def drawn_fits(
         if ratio > _ASTRAY * smallest:
             return None
         try:
-            found = fit_mfd(points, order=order, weight=1 / _known(points), time_limit=budget.seconds, **stated)
+            weight, seconds = 1 / _known(points), budget.seconds
+            found = fit_mfd(points, order=order, weight=weight, start=start, time_limit=seconds, **stated)
         except (InputError, np.linalg.LinAlgError):
             return None
         return found.to_control()
