@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -33,6 +34,7 @@ from robustid.errors import InputError, InputTypeError
 
 # Eigenvalue routines split a double pole at z = 1 by about sqrt(eps).
 _INTEGRATOR_RADIUS = 1e-7
+_MODES = 4096  # that are kept: cells of a pole-uncertainty box have most of theirs in common
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -249,6 +251,7 @@ def _as_time(dt: float | None) -> float:
     return 0.0 if dt is None or np.array_equal(dt, 0) else as_positive("dt", dt)
 
 
+@functools.lru_cache(maxsize=_MODES)
 def _mode(omega: float, damping: float, dt: float, repeat: int, delay: int) -> ParametricBasis:
     a = complex(np.exp((-damping + 1j * np.sqrt(1 - damping**2)) * (omega * dt)))
     real = damping == 1
@@ -297,6 +300,7 @@ def _continuous_kautz(omega: np.ndarray, damping: np.ndarray, repeat: int, delay
     return stack_bases([_continuous_mode(w, z, repeat) for w, z in zip(omega, damping, strict=True)])
 
 
+@functools.lru_cache(maxsize=_MODES)
 def _continuous_mode(omega: float, damping: float, repeat: int) -> ParametricBasis:
     s = complex(-damping, np.sqrt(1 - damping**2)) * omega
     real = damping == 1

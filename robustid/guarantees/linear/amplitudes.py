@@ -20,7 +20,7 @@ _SLACK = 1 + 1e-9
 _LARGER = 10.0, 1.0, 100.0, 0.1  # times amplitudes of a fit and the gain: radii to begin with
 # Times the discs of a larger box, which are those of amplitudes about another middle and may be too small: then no sums are as good
 # as none; and the steps of the search from its sums.
-_ROOM, _STEPS = 1.5, 6
+_ROOM, _STEPS = 1.5, 3
 _FIRST = 80  # points of the first look around a mode
 
 

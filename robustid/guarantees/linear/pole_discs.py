@@ -31,7 +31,7 @@ import scipy.sparse.csgraph
 import scipy.special
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Plane, Real, SPlane, freeze
+from robustid.core import Complex, Frozen, Plane, Real, SPlane, freeze, kept_by_content
 
 _ROUNDING = 1e-12  # of a distance between poles: a few operations, none of which cancels
 _TERMS = 48  # of the series of a mode, at most: 24 leave more of a wide box than the data tell of its amplitude
@@ -329,7 +329,7 @@ def discs_of(plane: Plane, omega: Real, damping: Real, delay: int, wanted: Real)
             numbers += [(distance, rest, 0.0) for rest in rests.tolist()]
             continue
         for k, corners in zip(group.tolist(), points[group], strict=True):  # close ones of no disc are not told apart
-            s, size, distance, rest = _series(omega[k], damping[k], float(wanted[k]))
+            s, size, distance, rest = _series(omega[k], damping[k], wanted[k : k + 1])
             far = 0.0
             if distance > _WIDEST:
                 s = np.full(_FAR_TERMS, (corners.real.min() + corners.real.max()) / 2 + 1j * corners[:4].imag.mean())
@@ -369,7 +369,8 @@ def _apart(plane: Plane, s: Complex, middle: complex) -> Real:
     return 2 * np.abs(s - middle) / np.abs(plane.corner - middle)  # type: ignore[attr-defined]
 
 
-def _series(omega: Real, damping: Real, wanted: float) -> tuple[Complex, Real, float, float]:
+@kept_by_content(most=2, results=4096)  # halves of a cell have all modes but one in common with it
+def _series(omega: Real, damping: Real, wanted: Real) -> tuple[Complex, Real, float, float]:
     """Poles in s, bounds of |tau_1 ... tau_(j-1)|/sqrt(1 - |tau_1|^2), of |tau_1|, and of the remainder.
 
     The first pole is the middle, each further one where the product of the distances from those before is largest (Leja). On the
@@ -388,6 +389,6 @@ def _series(omega: Real, damping: Real, wanted: float) -> tuple[Complex, Real, f
         on_cells = on_cells * (distances(cells, poles[-1]).max(axis=1) + _ROUNDING)
         at_nodes = at_nodes * distances(nodes, poles[-1])
         rest = float(on_cells.max()) / (1 - first)
-        if rest <= wanted or len(poles) == _TERMS:
-            return np.array(poles), np.array(sizes), first, rest * (1 + _ROUNDING)
+        if rest <= wanted[0] or len(poles) == _TERMS:
+            return freeze(np.array(poles)), freeze(np.array(sizes)), first, rest * (1 + _ROUNDING)
         poles.append(complex(nodes[np.argmax(at_nodes)]))

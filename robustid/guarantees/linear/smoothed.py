@@ -57,15 +57,13 @@ class Smoothed:
         count = sum(one.shape[1] for one in squares)
         total = sum(np.sqrt(one).sum(axis=1) for one in squares)
         d = np.maximum(level * total / count, 1e-9 * self.unit)[:, None] ** 2
-        gradient, H = self._slopes(here, d)
-        way = _solved(H, -gradient)
+        way = self._way(here, d)
         return x + self._best_length(here, d, way)[:, None] * way
 
-    def _slopes(self, here: _Terms, d: Real) -> tuple[Real, Real]:
-        """Gradients (M, 2n) and what stands for the second derivatives (M, 2n, 2n), times the first norm."""
+    def _way(self, here: _Terms, d: Real) -> Real:
+        """Ways (M, 2n) of Newton's method, with what stands for the second derivatives."""
         n, (top, bottom), (real, imaginary) = self.count, self.J, here.missed
         s, m, r = (np.sqrt(one + d) for one in (here.own, here.sizes, here.rest))
-        scale = r[:, :1]
         gradient = self.linear + np.concatenate([one / s for one in here.turned], axis=1)
         gradient += (real / m) @ top + (imaginary / m) @ bottom
         # All terms of low rank in one product, of every function the directions along and across what is missed of it.
@@ -77,20 +75,30 @@ class Smoothed:
         )
         W = np.empty((len(real), 2 * half + r.shape[1], 2 * n))
         W[:, :half], W[:, half : 2 * half] = u * top + v * bottom, u * bottom - v * top
-        weights = [1 / m - _BEND * here.sizes / m**3, 1 / m, -_BEND / r**3]
         for k, pull in enumerate(here.pulls):
             gradient += pull / r[:, k, None]
             W[:, 2 * half + k] = pull
-        H = (W * (scale * np.concatenate(weights, axis=1))[:, :, None]).swapaxes(1, 2) @ W
-        for k, (Q, *_) in enumerate(self.norms):
-            H += Q if k == 0 else Q * (scale / r[:, k, None])[:, :, None]
+        scale = r[:, :1]  # of the first norm
+        weights = scale * np.concatenate([1 / m - _BEND * here.sizes / m**3, 1 / m, -_BEND / r**3], axis=1)
         (one, other), E, bent = here.turned, self.E, _BEND / s**3
         off = -E[:, 0, 1] / s - bent * one * other
-        blocks = H[:, :n, :n], H[:, n:, n:], H[:, :n, n:], H[:, n:, :n]
-        ends = E[:, 0, 0] / s - bent * one**2, E[:, 1, 1] / s - bent * other**2, off, off
-        for block, end in zip(blocks, ends, strict=True):
-            np.einsum("mii->mi", block)[:] += scale * end
-        return gradient * scale, H
+        ends = [scale * end for end in (E[:, 0, 0] / s - bent * one**2, E[:, 1, 1] / s - bent * other**2, off)]
+        terms = W, W * weights[:, :, None], (scale / r)[:, 1:], *ends
+        return np.stack([self._solved(-g, *each) for g, *each in zip(gradient * scale, *terms, strict=True)])
+
+    def _solved(self, right: Real, W: Real, weighted: Real, parts: Real, *ends: Real) -> Real:
+        """Solution of a direction; its matrix stays in the cache, those of all do not. LinAlgError for a singular one."""
+        n, size = self.count, 2 * self.count
+        (first, *_), *others = self.norms
+        H = weighted.T @ W
+        H += first
+        for part, (Q, *_) in zip(parts, others, strict=True):
+            H += Q * part
+        diagonals = H.reshape(-1)  # of the four blocks
+        for at, end in zip((0, n * size + n, n, n * size), (*ends, ends[-1]), strict=True):
+            diagonals[at : at + n * (size + 1) : size + 1] += end
+        _, found, failed = scipy.linalg.lapack.dposv(H.T, right, lower=True)  # in Fortran's order as it is
+        return np.linalg.solve(H, right) if failed else found
 
     def _best_length(self, here: _Terms, d: Real, way: Real) -> Real:
         """The best of some lengths of a way (M, 2n), (M,): along it every square is quadratic."""
@@ -106,13 +114,3 @@ class Smoothed:
         for square, slope, bend in zip((here.own, here.sizes, here.rest), slopes, bends, strict=True):
             total = total + np.sqrt(np.maximum(square + t * (2 * slope + t * bend), 0.0) + d).sum(axis=2)
         return _LENGTHS[total.argmin(axis=0), 0, 0]
-
-
-def _solved(H: Real, right: Real) -> Real:
-    """Solutions (M, k) of symmetric equations; LinAlgError for a singular one."""
-    found = np.empty_like(right)
-    for k, (matrix, column) in enumerate(zip(H, right, strict=True)):
-        _, found[k], failed = scipy.linalg.lapack.dposv(matrix.T, column, lower=True)  # in Fortran's order as it is
-        if failed:
-            found[k] = np.linalg.solve(matrix, column)
-    return found
