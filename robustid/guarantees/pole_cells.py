@@ -25,6 +25,7 @@ _ROUNDING = (
     1e-14  # error of a pole, a distance of it or its logarithm: a few operations on numbers below 4; of s, relative
 )
 _WIDER = 1 + 1e-9  # the same for products
+_AGAIN = 1 + 1e-9  # what bounds may differ by, relatively, when they are computed again elsewhere
 _ENDLESS = 1e200  # stands for a remainder that does not converge
 
 
@@ -237,21 +238,17 @@ class PoleCell(Frozen):
                 return None
         return halves[0], halves[1]
 
-    def proved_again(self, problem: MixedProblem) -> Real | None:
-        """Amplitudes that its proofs give, evaluated anew; None where they give none."""
-        if not self.proofs:
-            return None
-        try:
-            return self.made_anew(problem).amplitude
-        except ValueError:
-            return None
-
-    def made_anew(self, problem: MixedProblem) -> PoleCell:
+    def proved_again(self, problem: MixedProblem) -> PoleCell | None:
         """The cell of its ends and of the multipliers of its proofs: how samples see its poles is not taken over.
 
-        ValueError for multipliers of other entries or samples, and where they prove no amplitude of some mode.
+        None for multipliers of other entries or samples, and where they prove larger amplitudes than are stated, or none.
         """
-        return loaded_cell(problem, self.omega, self.damping, self.delay, [one.stored for one in self.proofs])
+        multipliers = [one.stored for one in self.proofs]
+        try:
+            again = loaded_cell(problem, self.omega, self.damping, self.delay, multipliers)
+        except ValueError:
+            return None
+        return again if np.all(again.amplitude <= self.amplitude * _AGAIN) else None
 
     @property
     def ends(self) -> Real:

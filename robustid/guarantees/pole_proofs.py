@@ -133,15 +133,20 @@ class RefutedCell(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SumsClaim(Frozen):
-    """Sums of one direction each over the samples of an entry bound its values at frequencies by what is stated of each."""
+    """Sums of one direction each over the samples of an entry bound its values at frequencies by what is stated of each.
+
+    No `band` where the sums of a cell prove none of its amplitudes, or larger ones than are stated.
+    """
 
     name: str
-    band: DirectedBand
+    band: DirectedBand | None
     omega: Real
     stated: tuple[Real, ...]
 
     def verify(self, exact: bool = False) -> bool:
         """Evaluate them again; `exact` in ball arithmetic (`robustid[exact]`), by code of its own."""
+        if self.band is None:
+            return False
         again = dataclasses.replace(self.band)  # nothing that was computed before is taken over
         fits = directed_fit(again.sides, again.points, again.multipliers, again.angles.size)
         if not (fits and extraction_fits(again.extraction) and len(self.stated) == again.angles.size):
@@ -188,8 +193,8 @@ class SummedCell(Cell):
 
     def claims(self, problem: MixedProblem, name: str) -> Iterator[SumsClaim]:
         """Claims of the polygons of every entry."""
-        for band in _made_anew(self.cell, problem, self.bands):
-            entry = band.samples.entry
+        again = _made_anew(self.cell, problem, self.bands)
+        for band, entry in zip(again, [one.samples.entry for one in self.bands], strict=True):
             stated = tuple(one.support for one in self.of_entry(*entry))
             yield SumsClaim(f"{name}{which(problem, entry)}", band, self.omega, stated)
 
@@ -233,13 +238,12 @@ def sides_of(proof: Extraction) -> Sides:
     return Sides(proof.samples, proof, NO_NODES.corners)
 
 
-def _made_anew(cell: PoleCell, problem: MixedProblem, bands: Sequence[DirectedBand]) -> list[DirectedBand]:
-    """Sums over a cell, over samples and proofs that follow from the problem and its ends alone; none where these do not fit."""
-    try:
-        proofs = cell.made_anew(problem).proofs
-    except ValueError:
-        return []
-    of_entry = {one.samples.entry: one for one in proofs}
+def _made_anew(cell: PoleCell, problem: MixedProblem, bands: Sequence[DirectedBand]) -> list[DirectedBand | None]:
+    """Sums over a cell, over samples and proofs that follow from the problem and its ends alone; None where these do not fit."""
+    again = cell.proved_again(problem)
+    if again is None:
+        return [None] * len(bands)
+    of_entry = {one.samples.entry: one for one in again.proofs}
     return [dataclasses.replace(one, sides=sides_of(of_entry[one.samples.entry])) for one in bands]
 
 

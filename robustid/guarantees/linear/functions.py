@@ -219,7 +219,7 @@ def functions_over(
 def reached(basis: ParametricBasis) -> NDArray[np.bool_]:
     """Mask of the states that every function depends on, (m, n): blocks of A that are not connected are of different modes."""
     number = scipy.sparse.csgraph.connected_components(basis.A != 0, directed=False)[1]
-    return np.array([np.isin(number, number[row != 0]) for row in basis.C]).reshape(basis.C.shape)
+    return (basis.C != 0) @ (number[:, None] == number)
 
 
 def pairs_of(basis: ParametricBasis) -> dict[tuple[int, int], tuple[complex, int]]:

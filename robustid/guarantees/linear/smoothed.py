@@ -98,7 +98,7 @@ class Smoothed:
         for at, end in zip((0, n * size + n, n, n * size), (*ends, ends[-1]), strict=True):
             diagonals[at : at + n * (size + 1) : size + 1] += end
         _, found, failed = scipy.linalg.lapack.dposv(H.T, right, lower=True)  # in Fortran's order as it is
-        return np.linalg.solve(H, right) if failed else found
+        return np.asarray(np.linalg.solve(H, right) if failed else found, dtype=float)
 
     def _best_length(self, here: _Terms, d: Real, way: Real) -> Real:
         """The best of some lengths of a way (M, 2n), (M,): along it every square is quadratic."""
