@@ -222,13 +222,13 @@ def _holds(dtype: np.dtype[Any], inner: tuple[Any, ...]) -> bool:
     return dtype.kind in "biufc" and np.can_cast(dtype, kind, "same_kind")
 
 
-def fingerprint(value: Any) -> str:
+def fingerprint(value: object) -> str:
     """SHA-256 of everything that is stored of a value: equal for what was saved and what was loaded."""
     arrays: Arrays = {}
     return digest(arrays, described(value, "", arrays))
 
 
-def digest(arrays: Arrays, text: Any = None) -> str:
+def digest(arrays: Arrays, text: object = None) -> str:
     """SHA-256 of arrays with their names, types and shapes, and of a text of any structure."""
     total = hashlib.sha256(json.dumps(text, sort_keys=True).encode())
     for name in sorted(arrays):

@@ -146,9 +146,8 @@ def _dynamics(data: Samples, order: int, poles: np.ndarray) -> tuple[np.ndarray,
     parts: list[np.ndarray] = []
     for j in range(nu):
         weighted = column[:, j, None] * f
-        Q = real_rows(weighted)  # what the input adds lies in the span of f
-        if nu > 1:  # of one input f is orthonormal in its weight
-            Q = np.linalg.qr(Q)[0]
+        span = real_rows(weighted)  # what the input adds lies in the span of f
+        Q = span if nu == 1 else np.linalg.qr(span)[0]  # of one input f is orthonormal in its weight
         part = real_rows((weighted[:, :, None] * values[:, None, :, j]).reshape(-1, rows * ny))
         parts.append(triangle(part - Q @ (Q.T @ part)))
     R = triangle(np.concatenate(parts)).reshape(-1, rows, ny)
