@@ -201,6 +201,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         coherence=estimate.coherence,
         noise=estimate.noise,
         distortion=estimate.distortion,
+        changed=estimate.changed,
         doubt=estimate.doubt,
         modes=tuple((a / first.dt, b / first.dt, c, d) for a, b, c, d in estimate.modes),
     )
