@@ -1,15 +1,16 @@
-"""Spectral lines of records of any excitation at which a response is estimated: those that are excited, or asked for."""
+"""Spectral lines at which a response is estimated: those that are excited and say something, or those asked for."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import as_array
+from robustid.core import Complex, Real, as_array
 from robustid.errors import InputError
 
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
 _MOST = 5000  # lines by default
+_SILENT = 100.0  # times the largest response that is known: a bound that is larger says nothing
 
 
 def smoothed(power: np.ndarray, half: int) -> np.ndarray:
@@ -47,3 +48,14 @@ def checked_lines(lines: ArrayLike, last: int) -> np.ndarray:
     if index.size == 0 or np.any(index != np.round(index)) or index.min() < 1 or index.max() > last:
         raise InputError(f"`lines` must be whole numbers from 1 to {last}; got {lines!r}")
     return np.unique(index).astype(int)
+
+
+def silent_lines(values: Complex, radius: Real) -> NDArray[np.bool_]:
+    """Lines (F,) that say nothing of any entry (F, ny, nu): their bounds are far larger than every response that is known.
+
+    Known is a response that is larger than its bound. Where next to nothing but leakage excites a line, its bound may be 1e9 times
+    that: it excludes nothing, and the largest value of such lines would pass for the size of the response.
+    """
+    size = np.abs(values)
+    known = np.max(np.where(radius < size, size, 0.0), axis=0)
+    return np.all((radius > _SILENT * known) & (known > 0), axis=(1, 2))

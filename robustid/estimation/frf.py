@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from robustid.core import as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
+from robustid.estimation.chosen_lines import silent_lines
 from robustid.estimation.estimate import ABOUT, Estimate, bound
 from robustid.estimation.nonperiodic import local
 from robustid.estimation.periodic import periodic
@@ -107,6 +108,9 @@ def estimate_frf(
     there over the degrees of freedom that they leave there (`mackinnon1985`). The light poles, four standard deviations
     on either side, are the `modes` of the response.
 
+    Lines that next to nothing excites, far from a sweep, have bounds that may be 1e9 times the response. Those whose bounds exceed
+    100 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
+
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and
     halves of the records, are compared: what they have unlike in a window shows that they differ, at a level of 1e-5. Then each
@@ -140,7 +144,9 @@ def estimate_frf(
     faults = record_faults(records, period=_period(records, method, period))
     for fault in faults:
         _log.warning("%s", fault)
-    found = _finished(records[0], _estimated(records, method, period, lines), probability, about)
+    found = _finished(
+        records[0], _estimated(records, method, period, lines), probability, about, asked=lines is not None
+    )
     return dataclasses.replace(found, faults=faults)
 
 
@@ -155,7 +161,9 @@ def response_alone(
 ) -> FrequencyResponse:
     """The same as `estimate_frf`, of records that are made of others: nothing is said of their faults."""
     records, method, probability = _checked(record, period, method, probability, about)
-    return _finished(records[0], _estimated(records, method, period, lines), probability, about)
+    return _finished(
+        records[0], _estimated(records, method, period, lines), probability, about, asked=lines is not None
+    )
 
 
 def _checked(
@@ -186,9 +194,16 @@ def _estimated(records: list[TimeRecord], method: str, period: int | None, lines
     return (local if method == "local" else welch)(records, lines)
 
 
-def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: str) -> FrequencyResponse:
+def _finished(
+    first: TimeRecord, estimate: Estimate, probability: float, about: str, *, asked: bool
+) -> FrequencyResponse:
+    """The response of an estimate with its bound, at lines that were asked for or say something: joint with those left out."""
     found = bound(estimate, probability, about)
-    return FrequencyResponse(
+    silent = np.zeros(len(estimate.index), bool) if asked else silent_lines(estimate.values, found.radius)
+    left_out = (
+        f"; {silent.sum()} more are left out, which next to nothing excites: their bounds exceed every response by far"
+    )
+    response = FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,
         bound=found,
@@ -196,7 +211,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"{len(estimate.index)} frequency points, {estimate.source}",
+        note=f"{np.sum(~silent)} frequency points, {estimate.source}{left_out if np.any(silent) else ''}",
         dof=found.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,
@@ -205,6 +220,7 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         doubt=estimate.doubt,
         modes=tuple((a / first.dt, b / first.dt, c, d) for a, b, c, d in estimate.modes),
     )
+    return response.select(~silent) if np.any(silent) else response
 
 
 def _period(records: list[TimeRecord], method: str, period: int | None) -> int | None:
