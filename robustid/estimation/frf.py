@@ -58,6 +58,7 @@ def estimate_frf(
         Spectral lines k of the DFT, at frequency ``k/(N*dt)`` Hz, N the period (periodic) or the length of the record (local,
         welch: of a segment). Default: those, 0 and Nyquist left out (offsets are no response), where every signal of the
         excitation reaches a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
+        Of these those whose bounds are far larger than every response are left out: see the notes.
     probability : float
         Probability of the bound, jointly for all spectral lines and entries; between 0 and 1.
     about : {"mean", "next record"}
@@ -70,8 +71,9 @@ def estimate_frf(
     FrequencyResponse
         With a confidence or tolerance `bound` (F, ny, nu) that knows from how many independent excitations it was taken (its
         `excitations`), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
-        `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what is wrong
-        with the records (`faults`, see `record_faults`), and a note that says what the scatter was taken over.
+        `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what halves of
+        the measurement that differ add (`changed`), what is wrong with the records (`faults`, see `record_faults`), and a note
+        that says what the scatter was taken over.
 
     Raises
     ------
