@@ -164,8 +164,8 @@ def suggest_prior(
     Of more than 50 frequency points (fewer for MIMO) about 40 stand for all: dense at the modes, a few everywhere. Where the
     model with the recommended prior misses others by more than 1.5 bounds, the worst of them join, until it misses none. The
     gains then are lower ends, computed where the slope may be smallest; at the recommended decay rate it is that of all points.
-    The gains are those within the bounds without what is in doubt (`FrequencyResponse.doubt`), as long as the class says something:
-    a bound that is wider for a doubt is no reason for a smaller class.
+    The gains are those within the bounds without what is no noise in them (`FrequencyResponse.doubt` and `changed`), as long as the
+    class says something: a bound that is wider for a doubt, or for a plant that changed, is no reason for a smaller class.
     A prior from the data at hand is the weakest assumption that these data don't refute, widened by the safety factor;
     they can refute it, never prove it. Source: class of `inanc2001` section II-B; slope from the Schwarz-Pick lemma.
 
@@ -228,7 +228,7 @@ def useful_prior(
 
 
 def _of_what_is_sure(problem: MixedProblem, search: Callable[[MixedProblem], PriorSuggestion]) -> PriorSuggestion:
-    """The result of a search within the bounds without what is in doubt, where it says something; else within them as they are.
+    """The result of a search within the bounds without what is no noise, where it says something; else within them as they are.
 
     A class that is taken from wider bounds is smaller: the more a bound admits, the narrower a band would be.
     """

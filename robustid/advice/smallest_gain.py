@@ -105,9 +105,9 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
 
 
 def without_doubt(problem: MixedProblem) -> MixedProblem:
-    """The problem with the bounds without what modes in doubt add to them; the same one where there are none.
+    """The problem with the bounds without what is no noise in them: modes in doubt, and halves that differ; the same one without.
 
-    Inside bounds that are wider for a doubt a smaller non-parametric part holds the data, though nothing shows that it is smaller.
+    Inside bounds that are wider for either a smaller non-parametric part holds the data, though nothing shows that it is smaller.
     """
     found = tuple(_without_doubt(f) for f in problem.frequency)
     same = all(one is other for one, other in zip(found, problem.frequency, strict=True))
@@ -115,15 +115,17 @@ def without_doubt(problem: MixedProblem) -> MixedProblem:
 
 
 def _without_doubt(f: FrequencyResponse | TangentialResponse) -> FrequencyResponse | TangentialResponse:
-    if isinstance(f, TangentialResponse) or f.doubt is None or f.covariance is None:
+    if isinstance(f, TangentialResponse) or f.covariance is None or (f.doubt is None and f.changed is None):
         return f
     if f.bound.kind not in PROBABLE or f.bound.joint != "entry":  # it isn't that of the estimate
         return f
     variance = variances(f.covariance, f.values.shape)
-    part = np.divide(np.abs(f.doubt) ** 2 / 2, variance, out=np.zeros(variance.shape), where=variance > 0)
+    unsure = 0.0 if f.doubt is None else np.abs(f.doubt) ** 2 / 2
+    added = unsure + (0.0 if f.changed is None else f.changed**2)
+    part = np.divide(added, variance, out=np.zeros(variance.shape), where=variance > 0)
     left = np.sqrt(np.maximum(1 - part, _SURE**2))
     bound = dataclasses.replace(f.bound, radius=left * f.bound.radius)
-    return dataclasses.replace(f, bound=bound, doubt=None)
+    return dataclasses.replace(f, bound=bound, doubt=None, changed=None)
 
 
 def entry_sizes(problem: MixedProblem, f: FrequencyResponse | TangentialResponse) -> Real:

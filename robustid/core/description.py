@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from robustid.core.progress import Progress
-from robustid.errors import InputTypeError
+from robustid.errors import FileFormatError, InputTypeError
 
 Arrays = dict[str, np.ndarray]
 Record = dict[str, Any]  # an object as text has it: numbers, texts, lists and records by their names
@@ -57,7 +57,10 @@ class Form:
         name = self.cls.__name__
         if text.keys() != self.types.keys():
             wrong = sorted(text.keys() ^ self.types.keys())[0]
-            raise ValueError(f"the field {wrong!r} of its {name} is {'unknown' if wrong in text else 'missing'}")
+            raise FileFormatError(
+                f"it was saved by another version of robustid, or edited since: the field {wrong!r} of its {name} is"
+                f" {'unknown' if wrong in text else 'missing'}; make it again with this version, from its data"
+            )
         fields = {field: made(item, arrays) for field, item in text.items()}
         for field, value in fields.items():
             if not _fits(value, self.types[field]):

@@ -187,6 +187,8 @@ def _usable(numbers: pathlib.Path, text: pathlib.Path) -> Generator[None, None, 
     """Say which files can't be used, where rebuilding their result fails."""
     try:
         yield
+    except FileFormatError as error:
+        raise error.at(str(text)) from None
     except KeyError as error:
         raise FileFormatError(f"{text} lacks {error}; was it edited?") from None
     except (

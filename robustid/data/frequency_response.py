@@ -60,6 +60,9 @@ class FrequencyResponse(ResponseParts, Drawable):
     distortion : (F, ny, nu) array, optional
         Standard deviation of what changes with the realisation of the excitation beyond noise, in one realisation:
         stochastic nonlinear distortion.
+    changed : (F, ny, nu) array, optional
+        Standard deviation that halves of the measurement add to the values where they differ beyond chance: its square is part of
+        `covariance`. No class is chosen smaller for it (`suggest_prior`).
     doubt : (F, ny, nu) complex array, optional
         What modes that may be of the noise would add to the values: the response is as likely the one as the other, and half the
         square is part of `covariance`. No class is chosen smaller for it (`suggest_prior`, `suggest_kautz`).
@@ -98,6 +101,7 @@ class FrequencyResponse(ResponseParts, Drawable):
     coherence: Any = None
     noise: Any = None
     distortion: Any = None
+    changed: Any = None
     doubt: Any = None
     faults: tuple[Fault, ...] = ()
     judged: bool = False

@@ -10,7 +10,7 @@ from robustid.core import Complex, Tabular
 from robustid.data.frequency_points import FrequencyPoints, in_parts, signal_index, signal_indices
 from robustid.errors import InputError
 
-LEVELS = ("noise", "distortion")  # standard deviations
+LEVELS = ("noise", "distortion", "changed")  # standard deviations
 ENTRIES = ("values", *LEVELS, "doubt")  # one number per frequency point and entry of the matrix
 
 

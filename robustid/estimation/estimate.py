@@ -29,6 +29,7 @@ class Estimate(NamedTuple):
     changing: Changing | None = None  # what changes from record to record; None: not seen
     noise: np.ndarray | None = None  # (F, ny, nu) standard deviations
     distortion: np.ndarray | None = None
+    changed: np.ndarray | None = None  # what halves that differ add; None: they do not
     doubt: np.ndarray | None = None  # (F, ny, nu) what modes that may be of the noise would add
     real: np.ndarray | None = None  # (F,) lines at which everything is real
     caveats: tuple[Caveat, ...] = ()

@@ -23,6 +23,7 @@ _SUDDEN, _BEFORE = (
     2.5,
     200,
 )  # times the largest that was new in an input in so many samples before: the end of a sweep, a step
+_NEAR, _APART = 2, 4.0  # samples, and standard deviations at least, of an event in the difference of two periods
 _SMALLEST = 0.01  # of the rms of the signal: a jump below it harms nothing
 
 
@@ -94,6 +95,30 @@ def not_after_changes(events: tuple[Event, ...], u: Real, reach: int) -> tuple[E
         places += (np.flatnonzero(sudden[_BEFORE:]) + _BEFORE + 2 * LAST - 1).tolist()
     at = np.array(places)
     return tuple(one for one in events if not np.any((one.at >= at - reach // 2) & (one.at <= at + reach)))
+
+
+def not_repeated(events: tuple[Event, ...], y: Real, period: int) -> tuple[Event, ...]:
+    """Events without those that a record of two periods shows in both: the plant answers the input so, which repeats.
+
+    What is left in the difference of the periods, at the place of an event or a period before, is of one of them alone.
+    """
+    rest = y.size - period
+    if not events or order_for(rest, 0) == 0:
+        return events
+    difference, alone = y[period:] - y[:rest], np.zeros((rest, 0))
+    if np.ptp(difference) == 0:
+        return ()
+    predictor = Predictors(alone).of(difference)
+    w, n = predictor.innovations(difference, alone), predictor.a.size - 1
+    noise = _level(w, 1e-3 * predictor.noise)
+    heights, weights = _matched(w, predictor.a)
+    sizes = {False: np.abs(heights) * np.sqrt(weights) / noise, True: _jumps(w, np.cumsum(predictor.a), noise)[1]}
+
+    def of_one(event: Event) -> bool:
+        places = [at for at in (event.at - n, event.at - n - period) if 0 <= at < w.size]
+        return not places or any(sizes[event.jump][max(at - _NEAR, 0) : at + _NEAR + 1].max() > _APART for at in places)
+
+    return tuple(filter(of_one, events))
 
 
 def _not_of_seams(events: list[Event], period: int | None, reach: int) -> list[Event]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from robustid.core import as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
+from robustid.estimation.chosen_lines import silent_lines
 from robustid.estimation.estimate import ABOUT, Estimate, bound
 from robustid.estimation.nonperiodic import local
 from robustid.estimation.periodic import periodic
@@ -57,6 +58,7 @@ def estimate_frf(
         Spectral lines k of the DFT, at frequency ``k/(N*dt)`` Hz, N the period (periodic) or the length of the record (local,
         welch: of a segment). Default: those, 0 and Nyquist left out (offsets are no response), where every signal of the
         excitation reaches a fifth of its largest line in one of the experiments; of more than 5000 lines every so manieth (local).
+        Of these those whose bounds are far larger than every response are left out: see the notes.
     probability : float
         Probability of the bound, jointly for all spectral lines and entries; between 0 and 1.
     about : {"mean", "next record"}
@@ -69,8 +71,9 @@ def estimate_frf(
     FrequencyResponse
         With a confidence or tolerance `bound` (F, ny, nu) that knows from how many independent excitations it was taken (its
         `excitations`), `covariance` (F, ny*nu, ny*nu) of the estimate itself with its
-        `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what is wrong
-        with the records (`faults`, see `record_faults`), and a note that says what the scatter was taken over.
+        `dof`, `coherence` (F, ny), the levels of `noise` and of stochastic nonlinear `distortion` where they show, what halves of
+        the measurement that differ add (`changed`), what is wrong with the records (`faults`, see `record_faults`), and a note
+        that says what the scatter was taken over.
 
     Raises
     ------
@@ -107,6 +110,9 @@ def estimate_frf(
     there over the degrees of freedom that they leave there (`mackinnon1985`). The light poles, four standard deviations
     on either side, are the `modes` of the response.
 
+    Lines that next to nothing excites, far from a sweep, have bounds that may be 1e9 times the response. Those whose bounds exceed
+    100 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
+
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and
     halves of the records, are compared: what they have unlike in a window shows that they differ, at a level of 1e-5. Then each
@@ -140,7 +146,9 @@ def estimate_frf(
     faults = record_faults(records, period=_period(records, method, period))
     for fault in faults:
         _log.warning("%s", fault)
-    found = _finished(records[0], _estimated(records, method, period, lines), probability, about)
+    found = _finished(
+        records[0], _estimated(records, method, period, lines), probability, about, asked=lines is not None
+    )
     return dataclasses.replace(found, faults=faults)
 
 
@@ -155,7 +163,9 @@ def response_alone(
 ) -> FrequencyResponse:
     """The same as `estimate_frf`, of records that are made of others: nothing is said of their faults."""
     records, method, probability = _checked(record, period, method, probability, about)
-    return _finished(records[0], _estimated(records, method, period, lines), probability, about)
+    return _finished(
+        records[0], _estimated(records, method, period, lines), probability, about, asked=lines is not None
+    )
 
 
 def _checked(
@@ -186,9 +196,16 @@ def _estimated(records: list[TimeRecord], method: str, period: int | None, lines
     return (local if method == "local" else welch)(records, lines)
 
 
-def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: str) -> FrequencyResponse:
+def _finished(
+    first: TimeRecord, estimate: Estimate, probability: float, about: str, *, asked: bool
+) -> FrequencyResponse:
+    """The response of an estimate with its bound, at lines that were asked for or say something: joint with those left out."""
     found = bound(estimate, probability, about)
-    return FrequencyResponse(
+    silent = np.zeros(len(estimate.index), bool) if asked else silent_lines(estimate.values, found.radius)
+    left_out = (
+        f"; {silent.sum()} more are left out, which next to nothing excites: their bounds exceed every response by far"
+    )
+    response = FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,
         bound=found,
@@ -196,14 +213,16 @@ def _finished(first: TimeRecord, estimate: Estimate, probability: float, about: 
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"{len(estimate.index)} frequency points, {estimate.source}",
+        note=f"{np.sum(~silent)} frequency points, {estimate.source}{left_out if np.any(silent) else ''}",
         dof=found.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,
         distortion=estimate.distortion,
+        changed=estimate.changed,
         doubt=estimate.doubt,
         modes=tuple((a / first.dt, b / first.dt, c, d) for a, b, c, d in estimate.modes),
     )
+    return response.select(~silent) if np.any(silent) else response
 
 
 def _period(records: list[TimeRecord], method: str, period: int | None) -> int | None:

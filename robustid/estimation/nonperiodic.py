@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, hz_words
+from robustid.core import hz_words
 from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
+from robustid.estimation.chosen_lines import checked_lines, excited_lines, smoothed
 from robustid.estimation.common_poles import predicted
 from robustid.estimation.estimate import Estimate
 
-_EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
 _TOLD = (
@@ -23,7 +23,6 @@ _TOLD = (
 _SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
 _LATE = ("time", "records")  # what is split in halves
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
-_MOST = 5000  # lines by default
 _TINY = float(np.finfo(float).tiny)
 _CHUNK = 2**22  # numbers in the largest array
 
@@ -60,13 +59,15 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
             added = np.maximum(added, np.where(sure > 0, _apart(drives, answers, index, found.values, late), 0))
         changes += added
     values, of_noise = found.values, found.of_noise
-    covariance = of_noise + stacked(changes + found.unsure)[:, None, :] * np.eye(of_noise.shape[1])
-    others = values + found.doubt
+    of_changes, unsure = (stacked(part)[:, None, :] * np.eye(of_noise.shape[1]) for part in (changes, found.unsure))
+    parts, others = (of_noise + (of_changes + unsure), of_noise, of_changes), values + found.doubt
     if loop:
-        others = divided(others, covariance, ny)[0]
-        (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
+        others = divided(others, of_noise, ny)[0]
+        parts, values = [divided(values, part, ny)[1] for part in parts], divided(values, of_noise, ny)[0]
+    covariance, *levels = parts
+    noise, changed = (np.sqrt(variances(part, values.shape)) for part in levels)
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
-    power = _smooth(np.mean(np.abs(y) ** 2, axis=0), half)[index]
+    power = smoothed(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
         index=index,
         step=2 * np.pi / (samples * first.dt),
@@ -78,7 +79,8 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         rounding=_rounding(u, y, values, index, half),
         source=f"local rational method{' by the reference' if loop else ''}, windows of {2 * half + 1} spectral lines"
         f" ({hz_words((2 * half + 1) / (samples * first.dt), 3)}){CHANGED if np.any(changes) else ''}",
-        noise=np.sqrt(variances(of_noise, values.shape)),
+        noise=noise,
+        changed=changed if np.any(changes) else None,
         doubt=others - values if np.any(found.doubt) else None,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
         modes=() if loop else found.modes,  # the poles of a loop are not those of the plant in it
@@ -356,45 +358,8 @@ def divided(values: np.ndarray, covariance: np.ndarray, ny: int) -> tuple[np.nda
     return response, jacobian @ covariance @ jacobian.conj().swapaxes(1, 2)
 
 
-def _smooth(power: np.ndarray, half: int) -> np.ndarray:
-    """Mean over the window of every line, (K, n)."""
-    total = np.concatenate([np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)])
-    low = np.clip(np.arange(len(power)) - half, 0, None)
-    high = np.clip(np.arange(len(power)) + half + 1, None, len(power))
-    return (total[high] - total[low]) / (high - low)[:, None]
-
-
-def excited_lines(x: np.ndarray, half: int, last: int, least: int) -> np.ndarray:
-    """Spectral lines where every signal of the excitation is there, 5000 at most.
-
-    In the window of each are at `least` so many excited lines, as many as a response has coefficients there: beside the last line
-    of a multisine one or two tell nothing of the lines that it leaves out.
-    """
-    peak = np.max(np.abs(x), axis=0)
-    amplitude = np.sqrt(_smooth(peak**2, half))
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(peak, ((half, half), (0, 0))), 2 * half + 1, axis=0)
-    amplitude[np.sum(around >= _EXCITED * amplitude[..., None], axis=2) < least] = 0
-    amplitude[0] = 0
-    amplitude[last + 1 :] = 0
-    largest = amplitude.max(axis=0)
-    index = np.flatnonzero(np.all(amplitude >= _EXCITED * largest, axis=1) & np.all(largest > 0))
-    if index.size == 0:
-        raise InputError(
-            "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
-        )
-    return index[:: -(-index.size // _MOST)]
-
-
-def checked_lines(lines: ArrayLike, last: int) -> np.ndarray:
-    """Lines given by the user, ascending."""
-    index = as_array("lines", lines, ndim=1)
-    if index.size == 0 or np.any(index != np.round(index)) or index.min() < 1 or index.max() > last:
-        raise InputError(f"`lines` must be whole numbers from 1 to {last}; got {lines!r}")
-    return np.unique(index).astype(int)
-
-
 def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarray, half: int) -> np.ndarray:
     """Rounding error of the transforms relative to the input in the window."""
-    size = np.sqrt(_smooth(np.max(np.abs(u) ** 2, axis=0), half))[index]
+    size = np.sqrt(smoothed(np.max(np.abs(u) ** 2, axis=0), half))[index]
     scale = np.abs(y).max(axis=(0, 1))[:, None] + np.abs(values) @ np.abs(u).max(axis=(0, 1))[:, None]
     return 64 * np.finfo(float).eps * scale / np.where(size > 0, size, 1)[:, None, :]

@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
-from robustid.estimation.events import Event, Examined, examined, not_after_changes
+from robustid.estimation.events import Event, Examined, examined, not_after_changes, not_repeated
 from robustid.estimation.innovation_scatter import jitter_of_innovations
 from robustid.estimation.innovations import Predictor, Predictors, gain_of_inputs, order_for, own_continuation, trends
 from robustid.estimation.tone_faults import keeps_on, tone_fault, tones_beside, without_tones
@@ -61,10 +61,12 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
         y = record.y[:, i]
         seen, own = _seen(y, u, predictors, repeats, period is not None)
         clean[:, i] = seen.signal
-        told_of = (
-            seen._replace(events=not_after_changes(seen.events, record.u, predictors.order)) if period is None else seen
-        )
-        found += _events(told_of, where, period)
+        events = seen.events
+        if period is None:
+            events = not_after_changes(events, record.u, predictors.order)
+        elif repeats is None:
+            events = not_repeated(events, y, period)
+        found += _events(seen._replace(events=events), where, period)
         if period is None:
             found += _aperiodic(record, i, seen, where, own)
     return Outputs(found, clean)

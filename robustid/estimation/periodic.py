@@ -94,7 +94,7 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         index=index,
         step=2 * np.pi / (period * first.dt),
         values=values,
-        covariance=scatter.covariance + changes[:, None, :] * np.eye(changes.shape[1]),
+        covariance=scatter.covariance + stacked(changes)[:, None, :] * np.eye(values[0].size),
         dof=scatter.dof,
         coherence=np.clip(1 - rest / np.where(power > 0, power, 1), 0, 1),
         rounding=rounding,
@@ -103,22 +103,23 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         changing=scatter.changing,
         noise=scatter.noise,
         distortion=scatter.distortion,
+        changed=np.sqrt(changes) if np.any(changes) else None,
         real=(2 * index) % period == 0,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
     )
 
 
 def _of_halves(errors: np.ndarray) -> Real:
-    """Variances (F, ny nu) that the later half of the periods adds, of errors (F, B, P, ny, nu) of the response of each."""
+    """Variances (F, ny, nu) that the later half of the periods adds, of errors (F, B, P, ny, nu) of the response of each."""
     blocks, half = errors.shape[1], errors.shape[2] // 2
     if half < 2:
-        return np.zeros((len(errors), errors[0, 0, 0].size))
+        return np.zeros((len(errors), *errors.shape[3:]))
     halves = np.stack([errors[:, :, :half], errors[:, :, -half:]])  # (2, F, B, half, ny, nu)
     means = halves.mean(axis=3)
     dof = 2.0 * blocks * (half - 1)
     noise = np.sum(np.abs(halves - means[:, :, :, None]) ** 2, axis=(0, 2, 3)) / (dof * blocks * half)
     first, last = means.mean(axis=2)
-    return stacked(added_variance(last - first, noise, dof))
+    return added_variance(last - first, noise, dof)
 
 
 def _response(

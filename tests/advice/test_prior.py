@@ -80,16 +80,26 @@ def in_doubt(doubt, values=None):
     return rid.MixedProblem(frequency=frf, parametric=known, prior=ANY)
 
 
-def test_a_class_is_not_smaller_for_a_doubt():
+def of_halves(added):
+    """The same, where halves of the measurement differ at these lines."""
+    problem = in_doubt(np.sqrt(2) * added)
+    (frf,) = problem.frequency
+    return dataclasses.replace(
+        problem, frequency=dataclasses.replace(frf, doubt=None, changed=np.abs(frf.doubt) / np.sqrt(2))
+    )
+
+
+@pytest.mark.parametrize("wider", [in_doubt, of_halves])
+def test_a_class_is_not_smaller_for_bounds_that_are_wider_for_more_than_noise(wider):
     """Inside the wider bounds .7 of the gain bound holds the data: a band of that class would be the narrower for the doubt."""
-    sure, wide = (suggest_prior(in_doubt(doubt), decay_rates=[1.05, 1.1]) for doubt in (0.0, 0.1))
-    assert smallest_gain(in_doubt(0.1), 1.1) < 0.8 * smallest_gain(in_doubt(0.0), 1.1)
+    sure, wide = (suggest_prior(wider(doubt), decay_rates=[1.05, 1.1]) for doubt in (0.0, 0.1))
+    assert smallest_gain(wider(0.1), 1.1) < 0.8 * smallest_gain(wider(0.0), 1.1)
     np.testing.assert_allclose(wide.gains, sure.gains, rtol=1e-6)
     assert wide.prior.gain_bound == pytest.approx(sure.prior.gain_bound, rel=1e-6)
-    assert useful_prior(in_doubt(0.1)).prior.gain_bound == pytest.approx(
-        useful_prior(in_doubt(0.0)).prior.gain_bound, rel=1e-6
+    assert useful_prior(wider(0.1)).prior.gain_bound == pytest.approx(
+        useful_prior(wider(0.0)).prior.gain_bound, rel=1e-6
     )
-    assert rid.identify(dataclasses.replace(in_doubt(0.1), prior=wide.prior)).consistent
+    assert rid.identify(dataclasses.replace(wider(0.1), prior=wide.prior)).consistent
 
 
 def test_where_only_the_doubt_holds_the_data_it_counts():

@@ -15,7 +15,8 @@ from robustid.app.run.run_file import read_run_file
 from robustid.app.run.run_folder import Surroundings
 from robustid.estimation import response_alone
 from support.cases import slow
-from support.fault_plants import recipes
+from support.fault_judge import CATALOGUE
+from support.fault_plants import recipes, simulated
 from support.processes import Process, beside, process_of
 from support.short_records import judged_response
 
@@ -103,6 +104,20 @@ def test_poles_that_may_be_of_the_noise_stand_in_the_class():
     found = slow_poles(frf)
     assert found.omega.size == 1
     assert plant.constants.min() < 1 / found.omega[0] < plant.constants.sum()
+
+
+@pytest.mark.parametrize("seeds", [range(1), slow(range(1, 10))])
+def test_band_of_a_process_that_became_faster_half_way_holds_it(seeds):
+    """Bounds that hold what halves differ by made the gain bound a third: two of the first six left their bands, by 1.2 times."""
+    heater, far = Process(np.array([60.0, 15.0]), np.array([1.6, -0.3]), False, 4), []
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 7])
+        frf = response_alone(CATALOGUE["varying plant (random)"].of(simulated("heater", seed), "limit", rng).records)
+        assert frf.changed is not None
+        found = judged_response(heater, frf, compare=False)
+        assert found.lines <= 1
+        far.append(found.band)
+    assert max(far) <= 1, far
 
 
 def test_constant_and_light_mode_are_no_process():

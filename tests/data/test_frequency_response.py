@@ -61,6 +61,7 @@ test_frequency_response_refuses = refusals(
     ({"coherence": 1.1}, "must lie between 0 and 1; got 1.1 to 1.1, outside at 1 of 1 points; .* leave it out"),
     ({"noise": -0.1}, "`noise` must lie between 0 and infinity"),
     ({"distortion": [1.0, 2.0]}, r"`distortion` must have shape \(1, 1, 1\); got \(2,\)"),
+    ({"changed": -0.1}, "`changed` must lie between 0 and infinity"),
     ({"doubt": [1.0, 2.0]}, r"`doubt` must have shape \(1, 1, 1\); got \(2,\)"),
     ({"dt": np.nan}, "`dt` must be finite"),
     ({"dt": [0.1, 0.2]}, "`dt` must be one number", InputTypeError),

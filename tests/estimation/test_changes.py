@@ -32,7 +32,10 @@ def assert_said(frf):
 
 def added(frf):
     """Variances that the bound holds beyond those of noise, in units of these."""
-    return variances(frf.covariance, frf.values.shape) / frf.noise**2 - 1
+    found = variances(frf.covariance, frf.values.shape) / frf.noise**2 - 1
+    if frf.distortion is None and frf.doubt is None:  # nothing else is in the bound
+        np.testing.assert_allclose((frf.changed / frf.noise) ** 2, found, atol=1e-9)
+    return found
 
 
 CLEAN = [(("stage", "heater"), range(2)), slow(SIMULATED, range(1000, 1200))]

@@ -64,6 +64,13 @@ def other_description(**changes):
     return changed_lines(change)
 
 
+def without_field(lines):
+    """As a version without this field wrote it."""
+    meta = json.loads(lines[0][len("# robustid ") :])
+    del meta["data"]["note"]
+    return [f"# robustid {json.dumps(meta)}", *lines[1:]]
+
+
 def complex_cells(lines):
     return ",".join("1+2j" if name.startswith(("real", "imag")) else cell
                     for name, cell in zip(lines[1].split(","), lines[-1].split(","), strict=True))  # fmt: skip
@@ -100,6 +107,10 @@ BAD_FILES = {
     "lines.csv": (changed_lines(lambda lines: lines[:-1]), "written with 4 samples"),
     "columns.csv": (other_description(shapes={"omega": [], "values": 3}), "doesn't fit its arrays"),
     "newer.csv": (other_description(robustid=99), "written in format 99 .*newer robustid"),
+    "older.csv": (
+        changed_lines(without_field),
+        "older.csv: it was saved by another version of robustid.* 'note' of its FrequencyResponse .* make it again",
+    ),
     "complex.csv": (changed_lines(lambda lines: [*lines[:-1], complex_cells(lines)]), "hold complex numbers"),
     "facts.csv": (changed_lines(lambda lines: ["# robustid {", *lines[1:]]), "description .* is damaged"),
 }

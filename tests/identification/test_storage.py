@@ -174,8 +174,11 @@ def test_edited_text_is_refused_or_fails_its_verification(path, edit):
 @pytest.mark.parametrize(
     ("edit", "words"),
     [
-        (lambda record: record.update(margin_lower=0.5), "'margin_lower' of its Identification is unknown"),
-        (lambda record: record.pop("prior"), "'prior' of its Identification is missing"),
+        (
+            lambda record: record.update(margin_lower=0.5),
+            "'margin_lower' of its Identification is unknown; make it again",
+        ),
+        (lambda record: record.pop("prior"), "another version of robustid.* 'prior' of its Identification is missing"),
         (lambda record: record["claim"].update({"$class": "Popen"}), "'Popen', which is no class that can be stored"),
         (lambda record: record["claim"].update({"$class": "Prior"}), "of its Prior is"),
         (lambda record: record.update(prior=record["claim"]), "'prior' of its Identification can't be a Claim"),

@@ -26,6 +26,8 @@ def full_frf():
         coherence=RNG.uniform(0, 1, (4, 2)),
         noise=RNG.uniform(0, 1, G.shape),
         distortion=RNG.uniform(0, 1, G.shape),
+        changed=RNG.uniform(0, 1, G.shape),
+        doubt=RNG.standard_normal(G.shape) + 1j * RNG.standard_normal(G.shape),
     )
 
 

@@ -1,0 +1,64 @@
+"""Lines that next to nothing excites: left out with a note, and no number of the others moves."""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+import robustid as rid
+from robustid.estimation import frf as module
+from robustid.estimation.chosen_lines import silent_lines
+from robustid.estimation.frf import response_alone
+from support.cases import slow
+from support.short_records import plant_of
+
+PART = 100  # times the largest response that is known
+
+
+def part_of_a_sweep(seed, start, count):
+    """Of a sweep from 5 to 200 Hz in 40 s, and its plant."""
+    rng, dt = np.random.default_rng(seed), 1e-3
+    t, plant = np.arange(40_000) * dt, plant_of(np.random.default_rng(seed), dt)
+    u = scipy.signal.chirp(t, 5.0, t[-1], 200.0)
+    y = plant.output(u)
+    y = y + 0.01 * y.std() * rng.standard_normal(y.size)
+    return rid.TimeRecord(u[start : start + count], y[start : start + count], dt=dt, initial="free"), plant
+
+
+def known(frf):
+    """The largest response that is larger than its bound."""
+    size = np.abs(frf.values)
+    return float(np.max(np.where(frf.bound.radius < size, size, 0.0)))
+
+
+@pytest.mark.parametrize("seed", [1, slow(3), slow(4)])
+@pytest.mark.parametrize(("start", "count"), [(3000, 500), slow(10_000, 800), slow(25_000, 2000)])
+def test_lines_far_from_a_sweep_are_left_out(monkeypatch, seed, start, count):
+    """Their bounds were up to 1.7e7 times every response; they were most of the lines."""
+    record, _ = part_of_a_sweep(seed, start, count)
+    found = response_alone(record)
+    assert found.bound.radius.max() <= PART * known(found)
+    assert "more are left out, which next to nothing excites" in found.note
+    monkeypatch.setattr(module, "silent_lines", lambda values, _: np.zeros(len(values), bool))
+    full = response_alone(record)
+    assert full.bound.radius.max() > 1e4 * known(full)
+    there = np.isin(full.omega, found.omega)
+    assert np.sum(there) < 0.6 * full.omega.size
+    for name in ("values", "covariance", "noise"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(full, name)[there])
+    np.testing.assert_array_equal(found.bound.radius, full.bound.radius[there])
+    assert known(found) == known(full)
+
+
+def test_lines_that_are_asked_for_stay():
+    record, _ = part_of_a_sweep(1, 3000, 500)
+    found = response_alone(record, lines=[10, 11, 80])
+    assert found.omega.size == 3
+    assert found.bound.radius.max() > PART * known(found)
+
+
+def test_a_line_stays_for_one_entry_and_where_nothing_is_known():
+    values = np.ones((3, 1, 2), complex)
+    radius = np.array([[[0.1, 0.1]], [[200.0, 0.1]], [[200.0, 200.0]]])
+    assert silent_lines(values, radius).tolist() == [False, False, True]
+    assert not silent_lines(values, 2 * radius + 1).any()  # no response is larger than its bound
+    assert silent_lines(1e-9 * values, 1e-9 * radius).tolist() == [False, False, True]
