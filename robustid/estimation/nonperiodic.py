@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, hz_words
+from robustid.core import hz_words
 from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
 from robustid.estimation.common_poles import predicted
 from robustid.estimation.estimate import Estimate
+from robustid.estimation.excited_lines import checked_lines, excited_lines, window_means
 
-_EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
 _TOLD = (
@@ -23,7 +23,6 @@ _TOLD = (
 _SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
 _LATE = ("time", "records")  # what is split in halves
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
-_MOST = 5000  # lines by default
 _TINY = float(np.finfo(float).tiny)
 _CHUNK = 2**22  # numbers in the largest array
 
@@ -52,7 +51,9 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     found = _fitted(
         x, z, np.stack([_spectra(sign * drives) for sign in signs]) if len(signs) else signs, index, samples
     )
-    shared = (2 * half + 1) / (float(np.median(np.diff(index))) if index.size > 1 else 1.0)
+    # In a window of noise alone the change has a third more variance than is stated, its denominator holding some of the noise: far
+    # lines, of which each says something of its own, would show that, as a change of every long record.
+    shared = float(2 * half + 1)
     changes = np.zeros(found.values.shape)
     for late, change, sure in zip(_LATE, found.change.swapaxes(0, 1), found.sure.swapaxes(0, 1), strict=False):
         added = added_variance(2 * change, 2 * sure, free, chance=_SURE, shared=shared)
@@ -66,7 +67,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         others = divided(others, covariance, ny)[0]
         (values, covariance), (_, of_noise) = (divided(values, part, ny) for part in (covariance, of_noise))
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
-    power = _smooth(np.mean(np.abs(y) ** 2, axis=0), half)[index]
+    power = window_means(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
         index=index,
         step=2 * np.pi / (samples * first.dt),
@@ -356,45 +357,8 @@ def divided(values: np.ndarray, covariance: np.ndarray, ny: int) -> tuple[np.nda
     return response, jacobian @ covariance @ jacobian.conj().swapaxes(1, 2)
 
 
-def _smooth(power: np.ndarray, half: int) -> np.ndarray:
-    """Mean over the window of every line, (K, n)."""
-    total = np.concatenate([np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)])
-    low = np.clip(np.arange(len(power)) - half, 0, None)
-    high = np.clip(np.arange(len(power)) + half + 1, None, len(power))
-    return (total[high] - total[low]) / (high - low)[:, None]
-
-
-def excited_lines(x: np.ndarray, half: int, last: int, least: int) -> np.ndarray:
-    """Spectral lines where every signal of the excitation is there, 5000 at most.
-
-    In the window of each are at `least` so many excited lines, as many as a response has coefficients there: beside the last line
-    of a multisine one or two tell nothing of the lines that it leaves out.
-    """
-    peak = np.max(np.abs(x), axis=0)
-    amplitude = np.sqrt(_smooth(peak**2, half))
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(peak, ((half, half), (0, 0))), 2 * half + 1, axis=0)
-    amplitude[np.sum(around >= _EXCITED * amplitude[..., None], axis=2) < least] = 0
-    amplitude[0] = 0
-    amplitude[last + 1 :] = 0
-    largest = amplitude.max(axis=0)
-    index = np.flatnonzero(np.all(amplitude >= _EXCITED * largest, axis=1) & np.all(largest > 0))
-    if index.size == 0:
-        raise InputError(
-            "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
-        )
-    return index[:: -(-index.size // _MOST)]
-
-
-def checked_lines(lines: ArrayLike, last: int) -> np.ndarray:
-    """Lines given by the user, ascending."""
-    index = as_array("lines", lines, ndim=1)
-    if index.size == 0 or np.any(index != np.round(index)) or index.min() < 1 or index.max() > last:
-        raise InputError(f"`lines` must be whole numbers from 1 to {last}; got {lines!r}")
-    return np.unique(index).astype(int)
-
-
 def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarray, half: int) -> np.ndarray:
     """Rounding error of the transforms relative to the input in the window."""
-    size = np.sqrt(_smooth(np.max(np.abs(u) ** 2, axis=0), half))[index]
+    size = np.sqrt(window_means(np.max(np.abs(u) ** 2, axis=0), half))[index]
     scale = np.abs(y).max(axis=(0, 1))[:, None] + np.abs(values) @ np.abs(u).max(axis=(0, 1))[:, None]
     return 64 * np.finfo(float).eps * scale / np.where(size > 0, size, 1)[:, None, :]
