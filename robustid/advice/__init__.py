@@ -15,6 +15,7 @@ from robustid.advice.next_experiment import NextMeasurement, suggest_next
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, says_something, suggest_prior, useful_prior
 from robustid.advice.prior_weight import prior_weight, suggest_roll_off
+from robustid.advice.real_poles import RealPoles, slow_poles
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.setups import common_modes
@@ -41,6 +42,7 @@ __all__ = [
     "PoleTrial",
     "Posed",
     "PriorSuggestion",
+    "RealPoles",
     "Sensitivity",
     "Variation",
     "common_modes",
@@ -60,6 +62,7 @@ __all__ = [
     "response_sizes",
     "says_something",
     "sensitivity",
+    "slow_poles",
     "suggest_class",
     "suggest_kautz",
     "suggest_next",

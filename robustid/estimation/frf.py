@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from robustid.core import as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError
-from robustid.estimation.chosen_lines import silent_lines
 from robustid.estimation.estimate import ABOUT, Estimate, bound
+from robustid.estimation.excited_lines import silent_lines
 from robustid.estimation.nonperiodic import local
 from robustid.estimation.periodic import periodic
 from robustid.estimation.record_faults import record_faults

@@ -11,9 +11,9 @@ from robustid.core import hz_words
 from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
-from robustid.estimation.chosen_lines import checked_lines, excited_lines, smoothed
 from robustid.estimation.common_poles import predicted
 from robustid.estimation.estimate import Estimate
+from robustid.estimation.excited_lines import checked_lines, excited_lines, window_means
 
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
@@ -51,7 +51,9 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     found = _fitted(
         x, z, np.stack([_spectra(sign * drives) for sign in signs]) if len(signs) else signs, index, samples
     )
-    shared = (2 * half + 1) / (float(np.median(np.diff(index))) if index.size > 1 else 1.0)
+    # In a window of noise alone the change has a third more variance than is stated, its denominator holding some of the noise: far
+    # lines, of which each says something of its own, would show that, as a change of every long record.
+    shared = float(2 * half + 1)
     changes = np.zeros(found.values.shape)
     for late, change, sure in zip(_LATE, found.change.swapaxes(0, 1), found.sure.swapaxes(0, 1), strict=False):
         added = added_variance(2 * change, 2 * sure, free, chance=_SURE, shared=shared)
@@ -67,7 +69,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     covariance, *levels = parts
     noise, changed = (np.sqrt(variances(part, values.shape)) for part in levels)
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
-    power = smoothed(np.mean(np.abs(y) ** 2, axis=0), half)[index]
+    power = window_means(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
         index=index,
         step=2 * np.pi / (samples * first.dt),
@@ -360,6 +362,6 @@ def divided(values: np.ndarray, covariance: np.ndarray, ny: int) -> tuple[np.nda
 
 def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarray, half: int) -> np.ndarray:
     """Rounding error of the transforms relative to the input in the window."""
-    size = np.sqrt(smoothed(np.max(np.abs(u) ** 2, axis=0), half))[index]
+    size = np.sqrt(window_means(np.max(np.abs(u) ** 2, axis=0), half))[index]
     scale = np.abs(y).max(axis=(0, 1))[:, None] + np.abs(values) @ np.abs(u).max(axis=(0, 1))[:, None]
     return 64 * np.finfo(float).eps * scale / np.where(size > 0, size, 1)[:, None, :]

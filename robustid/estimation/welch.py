@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from robustid.core import hz_words
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
-from robustid.estimation.chosen_lines import checked_lines, excited_lines
 from robustid.estimation.estimate import Estimate, pooled
+from robustid.estimation.excited_lines import checked_lines, excited_lines
 from robustid.estimation.nonperiodic import divided
 
 _SEGMENTS = 8  # of half overlap, per record

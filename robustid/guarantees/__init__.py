@@ -40,7 +40,7 @@ from robustid.guarantees.power import Judgement, shown
 from robustid.guarantees.proof_file import proof_text, proof_texts
 from robustid.guarantees.refute import Refutation, refute
 from robustid.guarantees.response_discs import ResponseDiscs
-from robustid.guarantees.scope import in_box, scope_of
+from robustid.guarantees.scope import in_box, real_poles, scope_of
 from robustid.guarantees.stability_margin import MarginStatus, RobustStabilityMargin, robust_stability_margin
 from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.tubes import ResponseTube, response_tube
@@ -154,6 +154,7 @@ __all__ = [
     "proof_text",
     "proof_texts",
     "ranked",
+    "real_poles",
     "refute",
     "response_tube",
     "robust_stability_margin",

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Real, exponents_of
 from robustid.identification import MixedProblem, common_scope
 
 
@@ -33,13 +33,24 @@ def pole_words(bands: Sequence[OverPoles]) -> str:
     counts = sorted({in_box(box) for box in boxes})
     if not counts:
         return ""
-    others = ", of others exactly as stated" if any(in_box(box) < len(box[0]) for box in boxes) else ""
+    beside = any(one.box is not None and real_poles(one.problem) for one in bands)
+    others = ", of others exactly as stated" if beside or any(in_box(box) < len(box[0]) for box in boxes) else ""
     return f", poles of {' or '.join(map(str, counts))} mode{'s' * (counts[-1] > 1)} anywhere in their box{others}"
 
 
 def in_box(box: tuple[Real, Real]) -> int:
     """Number of modes whose pole has an interval; that of others is a point."""
     return int(np.sum(np.any([side[:, 1] > side[:, 0] for side in box], axis=0)))
+
+
+def real_poles(problem: MixedProblem) -> int:
+    """Number of real poles of the parametric part beside integrators, which no box holds: each counts once, however often taken."""
+    if (basis := problem.parametric) is None:
+        return 0
+    basis = basis.in_s()
+    exponents = exponents_of(basis.poles[basis.poles != 0], basis.dt)
+    real = exponents.real[(exponents.imag == 0) & (exponents.real < 0)]
+    return np.unique(real).size
 
 
 def scope_of(bands: Sequence[OverPoles]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import as_kind, fingerprint
 from robustid.errors import InputError
-from robustid.guarantees import Band, WorstCaseError, in_box, norm_of_bounds
+from robustid.guarantees import Band, WorstCaseError, in_box, norm_of_bounds, real_poles
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
@@ -68,7 +68,9 @@ def poles_words(band: Band) -> str:
     count, all_modes = in_box(band.box), len(band.box[0])
     poles, their = ("pole of 1 mode", "its") if count == 1 else (f"poles of {count} modes", "their")
     words = f"with the {poles} anywhere in {their} uncertainty box"
-    return words if count == all_modes else f"{words}, of {all_modes - count} exactly as stated"
+    words = words if count == all_modes else f"{words}, of {all_modes - count} exactly as stated"
+    real = real_poles(band.problem)
+    return f"{words}, the real pole{'s' * (real > 1)} beside exactly as stated" if real else words
 
 
 def band_sentence(identification: Posed, band: Band) -> str:

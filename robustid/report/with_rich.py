@@ -58,7 +58,7 @@ def render_head(document: Document, width: int, most: int) -> Group:
     last = [*beside, *_wrapped(left_out, width, style="dim")]
     last += _warnings(document.warnings, width, most - len(first) - len(last))
     words = _sentences(document.glance.words, width, most - len(first) - len(last))
-    return Group(*[*first, *words, *last][:most])
+    return Group(*_cut([*first, *words, *last], width, most))
 
 
 def _wrapped(text: str, width: int, head: int = 0, style: str = "") -> list[Line]:
@@ -96,7 +96,19 @@ def _sentences(text: str, width: int, most: int) -> list[Line]:
         if len(_wrapped(f"{kept} {sentence}", width)) > most:
             break
         kept, rest = f"{kept} {sentence}", after
-    return _wrapped(kept, width)[: max(most, 0)]
+    return _cut(_wrapped(kept, width), width, most)
+
+
+def _cut(lines: list[Line], width: int, most: int) -> list[Line]:
+    """At most so many lines; of more the last one shows that what it says goes on."""
+    if len(lines) <= max(most, 0):
+        return lines
+    lines = lines[: max(most, 0)]
+    if lines:
+        lines[-1].rstrip()
+        lines[-1].truncate(width - 2)
+        lines[-1].append(" …")
+    return lines
 
 
 def _warnings(warnings: Iterable[str], width: int, most: int) -> list[Line]:
@@ -108,10 +120,8 @@ def _warnings(warnings: Iterable[str], width: int, most: int) -> list[Line]:
         if len(found) + len(lines) > most - 1 and shown:
             break
         found, shown = found + lines, shown + 1
-    if shown and len(found) > max(most, 1):  # the first one alone has no room: what it says goes on elsewhere
-        found = found[: max(most, 1)]
-        found[-1].truncate(width - 1)
-        found[-1].append("…")
+    if shown:  # where the first one alone has no room, what it says goes on elsewhere
+        found = _cut(found, width, max(most, 1))
     left = len(warnings) - shown
     return found + _wrapped(f"and {left} more warning{'s' * (left > 1)}" if left else "", width, style="yellow")
 

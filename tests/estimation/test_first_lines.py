@@ -5,7 +5,7 @@ import pytest
 
 from robustid.data import TimeRecord, joint_radius
 from robustid.estimation import response_alone
-from robustid.estimation.chosen_lines import excited_lines
+from robustid.estimation.excited_lines import excited_lines
 from robustid.estimation.nonperiodic import _fit
 from support.cases import slow
 from support.fault_plants import recipes, records

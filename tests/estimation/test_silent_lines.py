@@ -6,7 +6,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.estimation import frf as module
-from robustid.estimation.chosen_lines import silent_lines
+from robustid.estimation.excited_lines import silent_lines
 from robustid.estimation.frf import response_alone
 from support.cases import slow
 from support.short_records import plant_of

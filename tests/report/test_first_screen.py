@@ -1,17 +1,19 @@
 """The first screen of a page, its size, and the page with pictures only."""
 
 import dataclasses
+import io
 import re
 
 import control
 import numpy as np
 import pytest
+from rich.console import Console
 
 import robustid as rid
 from robustid.app.answers.parts import of_guarantees
 from robustid.identification import fit_percent
-from robustid.report import Verdict, render_report
-from robustid.report.document import Document, Heading, Text
+from robustid.report import Verdict, head_at_terminal, render_report
+from robustid.report.document import Document, Glance, Heading, Text
 from robustid.report.html import MOST_WARNINGS, render
 from robustid.report.identification_page import identification_verdict
 from robustid.report.largest_response import is_resonance
@@ -93,6 +95,23 @@ def test_at_most_three_warnings_stand_on_it_and_none_is_lost(count):
     assert len(re.findall("Number . is wrong", first)) == min(count, MOST_WARNINGS)
     for k in range(count):
         assert page.count(f"Number {k} is wrong.") == page.count(f"Its remainder {k}.") == 1
+
+
+@pytest.mark.parametrize("most", range(2, 12))
+def test_words_that_a_small_terminal_has_no_place_for_show_that_they_go_on(most):
+    """The guarantee ended in "that agrees with the data and the", and what is not covered after a comma."""
+    words = "Proved at every frequency, with all poles: every plant that agrees with the data is near. Beside. Further."
+    covered = "a machine outside the class, which was chosen from these data, samples with errors above their bounds"
+    glance = Glance(numbers=[("model order", "4")], words=words, not_covered=covered)
+    document = Document("t", [Verdict("consistent", "Good", "All.")], [Heading("Part")], glance=glance)
+    with Console(width=40, file=io.StringIO()) as console, console.capture() as shown:
+        console.print(head_at_terminal(document, 40, most))
+    lines = shown.get().splitlines()
+    assert len(lines) <= most
+    assert all(len(line) <= 40 for line in lines)
+    text = " ".join(line.strip() for line in lines)
+    for whole, begins in ((words.partition(" Beside")[0], "Proved at"), (f"Not covered: {covered}.", "Not covered")):
+        assert begins not in text or whole in text or re.search(rf"{begins}[^.…]*…", text), text
 
 
 def test_a_verdict_that_warns_is_a_warning_and_another_stands_below():

@@ -16,6 +16,7 @@ from robustid.advice import (
     possible_rates,
     response_sizes,
     says_something,
+    slow_poles,
     suggest_kautz,
     suggest_prior,
     suggest_roll_off,
@@ -27,6 +28,7 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of
 from robustid.app.run.reading import D, Data
+from robustid.app.run.real_poles import with_real_poles
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.bases import ParametricBasis
@@ -145,11 +147,17 @@ def inflated_problem(problem: MixedProblem, run: RunFile) -> MixedProblem:
 
 
 def with_prior(
-    run: RunFile, problem: MixedProblem, around: Surroundings, *, double: bool = True, reference: bool = True
+    run: RunFile,
+    problem: MixedProblem,
+    around: Surroundings,
+    *,
+    double: bool = True,
+    reference: bool = True,
+    delay: int | None = None,
 ) -> tuple[RunFile, MixedProblem]:
     """Gain bound and decay rate; modes that the program chose are taken twice where they contradict the data, if `double`.
     Where only a class of anything at all fits, a `reference` class that is then refuted; else that class, or where none fits
-    one so large that it shows the contradiction of the data themselves.
+    one so large that it shows the contradiction of the data themselves. `delay`: that of the pairs, where it was stated.
     """
     if (stated := run.prior.stated(problem.dt)) is not None:
         problem = dataclasses.replace(problem, prior=stated)
@@ -166,9 +174,11 @@ def with_prior(
     twice = basis_of(dataclasses.replace(chosen, repeat=2), problem.dt) if own else None
     single = problem
     problem, found, doubled = _suggested(problem, twice, around, reference)
-    free = _with_integrators(run, single, around) if own and not says_something(problem, found) else None
-    if free is not None:
-        run, problem, found = free
+    more = None
+    if own and not says_something(problem, found):
+        more = _with_integrators(run, single, around) or _with_slow_poles(run, single, around, delay)
+    if more is not None:
+        run, problem, found = more
     elif doubled:
         run = run.changed("modes", repeat=2, note=f"{chosen.note}\n{DOUBLED}")
     prior, note = found.prior, PRIOR_NOTE + found.reason
@@ -269,6 +279,26 @@ def _with_integrators(
             words = FREE.format(count=count, s="s" * (count > 1))
             return run.changed("modes", integrators=count, note=f"{run.modes.note}\n{words}"), wider, found
     return None
+
+
+def _with_slow_poles(
+    run: RunFile, problem: MixedProblem, around: Surroundings, delay: int | None
+) -> tuple[RunFile, MixedProblem, PriorSuggestion] | None:
+    """The slow real poles of the response beside the modes, where a class says something then: a drive with friction has one."""
+    frf = next((one for one in problem.frequency if isinstance(one, FrequencyResponse)), None)
+    slow = None if frf is None else slow_poles(frf, delay)
+    if slow is None:
+        return None
+    modes = with_real_poles(run.modes, slow)
+    try:
+        wider = dataclasses.replace(problem, parametric=basis_of(modes, problem.dt))
+        with around.step("looking for a prior beside slow real poles", _PRIOR) as limit:
+            found = useful_prior(wider, time_limit=limit, progress=around.told, kept=around.folder.gains)
+    except InputError:  # functions that the samples can't tell apart
+        return None
+    if not found.complete or not says_something(wider, found):
+        return None
+    return dataclasses.replace(run, modes=modes), wider, found
 
 
 def _gain(found: PriorSuggestion) -> float:

@@ -25,6 +25,7 @@ from robustid.guarantees import (
     WorstCaseOverPoles,
     checked_box,
     coverage,
+    real_poles,
 )
 from robustid.identification import Identification, MixedProblem, model_residuals, validate
 from robustid.reduction import DoubtfulMode, ModelWorth, PlantReduction, Reduction, is_stable
@@ -158,7 +159,8 @@ def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | No
     upper = band.sigma_upper
     poles = "" if band.problem.parametric is None else ", poles as they stand in the class"
     if band.box is not None:
-        poles = ", the poles anywhere in the pole-uncertainty box that the data leave"
+        real = ", but real ones exactly as stated" * bool(real_poles(band.problem))
+        poles = f", the poles anywhere in the pole-uncertainty box that the data leave{real}"
     known = band.bounded
     if not known.any():
         return f"No error is proved{poles}: {band.why_nothing}."

@@ -99,7 +99,7 @@ def _posed(
     problem = inflated_problem(problem, run)
     folder.choices(run)
     free = run
-    run, problem = with_prior(run, problem, around, reference=reference)
+    run, problem = with_prior(run, problem, around, reference=reference, delay=asked.delay)
     if not free.prior.is_stated and run.frequency_points.every == 1:
         fewer = _fewer_points(free, run, problem, data, asked, around, reference)
         run, problem, left = fewer or (run, problem, left)
@@ -133,7 +133,7 @@ def _fewer_points(
     if every > least and not run.prior.is_from_data:
         found, fewer, left = told_apart(with_step(run, every, TOO_SLOW), data, asked)
         found, fewer = dataclasses.replace(found, prior=free.prior), inflated_problem(fewer, found)
-        found, fewer = with_prior(found, fewer, around, reference=reference)
+        found, fewer = with_prior(found, fewer, around, reference=reference, delay=asked.delay)
         if found.prior.is_from_data:
             around.ended_early(late)
             return with_step(found, every, TOO_SLOW), fewer, left

@@ -179,7 +179,7 @@ class _Search:
     def around(self, directed: DirectedBand, budget: Budget) -> DirectedBand:
         """Certificates of one direction each, from those of the lines on."""
         low, high = self._plain.angles[[0, -1]]
-        inside = self._nodes.angles[(self._nodes.angles > low) & (self._nodes.angles < high)]
+        inside = self._nodes.angles[(self._nodes.angles >= low) & (self._nodes.angles <= high)]
         sides = Sides(self.samples, self.extraction, self._nodes.corners)
         return around_nodes(directed, sides, inside, self._least, budget)
 

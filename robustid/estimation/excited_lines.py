@@ -1,4 +1,4 @@
-"""Spectral lines at which a response is estimated: those that are excited and say something, or those asked for."""
+"""Spectral lines at which a response is estimated: those that are excited and say something, or those that are asked for."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from robustid.errors import InputError
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
 _MOST = 5000  # lines by default
 _SILENT = 100.0  # times the largest response that is known: a bound that is larger says nothing
+_FEW = 0.1  # of the windows with an excitation: fewer that tell a response are chance
 
 
-def smoothed(power: np.ndarray, half: int) -> np.ndarray:
+def window_means(power: np.ndarray, half: int) -> np.ndarray:
     """Mean over the window of every line, (K, n)."""
     total = np.concatenate([np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)])
     low = np.clip(np.arange(len(power)) - half, 0, None)
@@ -28,18 +29,29 @@ def excited_lines(x: np.ndarray, half: int, last: int, least: int) -> np.ndarray
     of a multisine one or two tell nothing of the lines that it leaves out.
     """
     peak = np.max(np.abs(x), axis=0)
-    amplitude = np.sqrt(smoothed(peak**2, half))
+    amplitude = np.sqrt(window_means(peak**2, half))
     around = np.lib.stride_tricks.sliding_window_view(np.pad(peak, ((half, half), (0, 0))), 2 * half + 1, axis=0)
-    amplitude[np.sum(around >= _EXCITED * amplitude[..., None], axis=2) < least] = 0
     amplitude[0] = 0
     amplitude[last + 1 :] = 0
-    largest = amplitude.max(axis=0)
-    index = np.flatnonzero(np.all(amplitude >= _EXCITED * largest, axis=1) & np.all(largest > 0))
+    near = _present(amplitude).size
+    amplitude[np.sum(around >= _EXCITED * amplitude[..., None], axis=2) < least] = 0
+    index = _present(amplitude)
+    if index.size < _FEW * near:
+        raise InputError(
+            f"`record` is excited on single spectral lines, of which {index.size} of {near} windows of {2 * half + 1} lines hold"
+            f" {least}, as many as a model of them needs: a periodic excitation has its `period`, which is to be given"
+        )
     if index.size == 0:
         raise InputError(
             "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"
         )
     return index[:: -(-index.size // _MOST)]
+
+
+def _present(amplitude: np.ndarray) -> NDArray[np.intp]:
+    """Lines around which every signal is there."""
+    largest = amplitude.max(axis=0)
+    return np.flatnonzero(np.all(amplitude >= _EXCITED * largest, axis=1) & np.all(largest > 0))
 
 
 def checked_lines(lines: ArrayLike, last: int) -> np.ndarray:
