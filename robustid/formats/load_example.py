@@ -141,7 +141,10 @@ def _increases(values: np.ndarray) -> bool:
 
 
 def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
-    """As a time record: the first half are inputs where nothing is named, else one, and outputs are those of one other unit."""
+    """As a time record: the first half are inputs where nothing is named, else one, and outputs are those of one other unit.
+
+    Of numbered names those of the first kind are inputs, where all others are of one other kind.
+    """
     fields: dict[str, object] = {}
     if axis is not None:
         steps = np.diff(axis[1].astype(float))
@@ -154,8 +157,18 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     outputs, unit = rest[half : 2 * half], units.in_brackets(rest[half])[1]
     if half == 1 and unit and unit != units.in_brackets(rest[0])[1]:
         outputs = [name for name in rest[1:] if units.in_brackets(name)[1] == unit]
-    fields |= {"u": _one(rest[:half]), "y": _one(outputs)}
+    inputs = rest[:half]
+    if half == 1 and (alike := _alike(rest)) and (others := rest[alike:]) and _alike(others) == len(others):
+        inputs, outputs = rest[:alike], others
+    fields |= {"u": _one(inputs), "y": _one(outputs)}
     return [_RECORD, *_given(fields, dt), "."]
+
+
+def _alike(names: list[str]) -> int:
+    """Number of names at the beginning that differ in their number alone, "F1 (N)" and "F2 (N)"; 0 for one."""
+    plain = [re.sub(r"\d+", "", name) for name in names]
+    same = next((k for k, name in enumerate(plain) if name != plain[0]), len(plain))
+    return same if same > 1 and len(set(names)) == len(names) else 0
 
 
 def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> list[str | Remedy]:

@@ -55,6 +55,7 @@ from robustid.guarantees.weight_structures import (
     structured_weight,
     structured_weights,
 )
+from robustid.guarantees.whole_axis import largest_error
 from robustid.guarantees.widening import bounds_of_entries
 from robustid.guarantees.worst_case import LEAST, MOST, error_in_time, growing_error, worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
@@ -140,6 +141,7 @@ __all__ = [
     "has_box",
     "in_box",
     "interconnection",
+    "largest_error",
     "limiting_polygons",
     "loop_bounds",
     "magnitude_weight",

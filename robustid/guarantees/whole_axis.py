@@ -6,9 +6,10 @@ import dataclasses
 import logging
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robustid.core import Budget, Interruptible, Real, one_thread
 from robustid.data import FrequencyResponse
@@ -117,3 +118,45 @@ def whole_axis(
     edges, inside = np.full(angles.size, plane.top), angles < np.pi
     edges[inside] = plane.omega(angles[inside])
     return CircleBound(edges, norm_of_bounds(errors.bound), lower, True, (), errors.bound, errors)
+
+
+class OnAxis(Protocol):
+    """A band, by its bounds at frequencies, and between them."""
+
+    @property
+    def model(self) -> control.StateSpace | None:
+        """The nominal that errors are measured from; None: the centres."""
+        ...
+
+    @property
+    def sigma_upper(self) -> Real:
+        """Bounds at its frequencies."""
+        ...
+
+    @property
+    def bounded(self) -> NDArray[np.bool_]:
+        """Mask of those frequencies at which something is said."""
+        ...
+
+    @property
+    def circle(self) -> CircleBound:
+        """Bounds between all frequencies."""
+        ...
+
+    def is_open(self, omega: Real) -> NDArray[np.bool_]:
+        """Mask of frequencies in ranges where nothing is said."""
+        ...
+
+
+def largest_error(band: OnAxis) -> float:
+    """Proved bound of the largest singular value of F - model at every frequency outside of open ranges.
+
+    At the frequencies of a band alone it would be no bound of what lies between them: a mode is narrower than they are apart, and
+    beside an open range it rises. Of a band without a model that at these frequencies.
+    """
+    found = float(np.max(band.sigma_upper, where=band.bounded, initial=0.0))
+    if band.model is None:
+        return found
+    edges = band.circle.edges
+    middle = np.where(np.isfinite(edges[1:]), (edges[:-1] + edges[1:]) / 2, 2 * edges[:-1])
+    return float(np.max(band.circle.bound, where=~band.is_open(middle), initial=found))

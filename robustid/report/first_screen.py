@@ -9,7 +9,7 @@ import numpy as np
 
 from robustid.controllers import ControllerDesign, DesignStatus
 from robustid.errors import Status
-from robustid.guarantees import Band, WorstCaseError
+from robustid.guarantees import Band, WorstCaseError, largest_error
 from robustid.identification import Identification, fit_percent
 from robustid.report.assumptions import chosen
 from robustid.report.charts import Chart, first_panel
@@ -125,8 +125,9 @@ def _numbers(
     order = f"{identification.order}" + (f" → {small.nstates}" if small.nstates != identification.order else "")
     found = [("model order", order)]
     if bound is not None:
-        known = bound.bounded if isinstance(bound, Band) else np.isfinite(bound.sigma_upper)
-        largest = in_unit(at_most(bound.sigma_upper[known].max(), 3), identification)
+        known = np.isfinite(bound.sigma_upper)
+        proved = largest_error(bound) if isinstance(bound, Band) else float(bound.sigma_upper[known].max())
+        largest = in_unit(at_most(proved, 3), identification)
         where, share = at_largest(identification, bound)
         name = f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}"
         found += [

@@ -39,6 +39,7 @@ _SIGMA = (
     "Of the response as a matrix, in the units of its entries: the largest amplification of any combination of the inputs. A"
     " peak of the largest one is a mode. The data stand where every entry was measured; bars: the norm of the matrix of bounds."
 )
+_TALL = 30.0  # times the largest response of a model: samples that say nothing are not followed beyond
 
 
 def frequency_section(identification: Identification, models: Models) -> list[Block]:
@@ -166,10 +167,16 @@ def _add_samples(
 
 
 def _range(measured: list[Samples], values: list[np.ndarray]) -> tuple[float, float]:
-    """Range that holds all samples and the curves, but not the bottom of deep notches."""
-    sizes = [np.abs(value) for *_, value, _ in measured]
-    tops = [size + bound for size, (*_, bound) in zip(sizes, measured, strict=True)]
-    top = float(np.max(np.concatenate([*map(np.abs, values), *tops])))
+    """Range that holds the curves and all samples that say something, but not the bottom of deep notches.
+
+    A sample below its own bound, as where a sweep has hardly any power, may lie far above: it does not stretch the axis.
+    """
+    sizes, highest = [np.abs(value) for *_, value, _ in measured], float(np.max(np.abs(np.concatenate(values))))
+    tops = [
+        np.where(bound < size, size + bound, np.minimum(size + bound, _TALL * highest))
+        for size, (*_, bound) in zip(sizes, measured, strict=True)
+    ]
+    top = max(highest, *(float(one.max(initial=0.0)) for one in tops), 0.0)
     floors = [low_quantile(np.abs(values[0])), *(float(s[s > 0].min(initial=top)) for s in sizes)]
     return magnitude_range(top, floors)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.core import as_kind, fingerprint
 from robustid.errors import InputError
-from robustid.guarantees import Band, WorstCaseError, in_box, norm_of_bounds, real_poles
+from robustid.guarantees import Band, WorstCaseError, in_box, largest_error, norm_of_bounds, real_poles
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
@@ -86,7 +86,7 @@ def band_sentence(identification: Posed, band: Band) -> str:
     nominal = "centre of the band" if band.model is None else f"model of order {band.order}"
     return (
         f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
-        f" has a response within {in_unit(at_most(largest.max()), identification)} of the {nominal}{norm};"
+        f" has a response within {in_unit(at_most(largest_error(band)), identification)} of the {nominal}{norm};"
         f" the largest error is possible near {in_hz(band.omega[np.argmax(largest)] / HZ)}, the median is"
         f" {band.relative.words}."
     )

@@ -25,6 +25,7 @@ from robustid.guarantees import (
     WorstCaseOverPoles,
     checked_box,
     coverage,
+    largest_error,
     real_poles,
 )
 from robustid.identification import Identification, MixedProblem, model_residuals, validate
@@ -156,7 +157,6 @@ def pole_words(identification: Identification, modes: Modes) -> str:
 
 def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | None = None) -> str:
     """Sentences on the band that is proved at every frequency, and on what it stands, beside a sweep of exact poles."""
-    upper = band.sigma_upper
     poles = "" if band.problem.parametric is None else ", poles as they stand in the class"
     if band.box is not None:
         real = ", but real ones exactly as stated" * bool(real_poles(band.problem))
@@ -167,7 +167,7 @@ def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | No
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
         f"Proved at every frequency{but}{poles}{band.problem.scope}: every consistent system is within"
-        f" {at_most(upper[known].max())} of the model of order {band.order} (median"
+        f" {at_most(largest_error(band))} of the model of order {band.order} (median"
         f" {band.relative.words}).{_not_of_the_machine(withheld)}"
         f" {stands_on(band, error)} {band.unfinished}"
     ).rstrip()
