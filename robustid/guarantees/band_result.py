@@ -40,7 +40,7 @@ from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.scope import pole_words
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
-from robustid.guarantees.whole_axis import largest_error, whole_axis
+from robustid.guarantees.whole_axis import largest_words, whole_axis
 from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
@@ -380,9 +380,9 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
         lines = [f"none: {self.why_nothing}{poles}"]
         if known.any():
-            k, most = int(np.argmax(np.where(known, upper, -1.0))), largest_error(self)
+            k = int(np.argmax(np.where(known, upper, -1.0)))
             lines = [
-                f"every consistent system is within {most:.4g} of {about}, proved {where}{poles}{self.problem.scope}",
+                f"every consistent system is within {largest_words(self)} of {about}, proved {where}{poles}{self.problem.scope}",
                 f"           (median {self.relative.words}; largest at {hz_words(self.omega[k] / (2 * np.pi))})",
             ]
         if known.any() and self.open_ranges:

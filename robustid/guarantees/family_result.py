@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Plane, Real, Unfinished, freeze, hz_span
+from robustid.core import Plane, Real, Unfinished, freeze, hz_span, rounded_up
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -267,7 +267,7 @@ class Family(WorstCase):
             said = ", ".join(f"{what} {value}" for what, value in m.condition.items() if f"{what} {value}" != m.name)
             own = f" ({said})" if said else ""
             lines.append(
-                f"member     {m.name}{own}: within {error.upper.max():.4g}, margin {m.identification.margin:.4g}"
+                f"member     {m.name}{own}: within {rounded_up(error.upper.max()):.4g}, margin {m.identification.margin:.4g}"
             )
         rows = self.drivers()
         for row in sorted(rows, key=lambda row: -row.upper)[:_DRIVERS]:

@@ -21,6 +21,7 @@ from robustid.core import (
     hz_span,
     hz_words,
     one_thread,
+    rounded_up,
     threads_for,
 )
 from robustid.errors import InconsistentDataError, InputError, InputTypeError
@@ -180,7 +181,7 @@ class WorstCaseOverPoles(WorstCase):
             part = "" if known.all() else f" at {known.sum()} of {known.size} frequencies"
             lines.append(
                 "guarantee  every consistent system with poles in the pole-uncertainty box is within"
-                f" {largest[known].max():.4g} of the model{part} (median {self.relative.words})"
+                f" {rounded_up(largest[known].max()):.4g} of the model{part} (median {self.relative.words})"
             )
         if not known.all():
             ends = dict.fromkeys(f"{w / (2 * np.pi):.5g}" for w in self.omega[~known][[0, -1]])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Interruptible, Real, one_thread
+from robustid.core import Budget, Interruptible, Real, one_thread, rounded_up
 from robustid.data import FrequencyResponse
 from robustid.guarantees.circle import CircleBound
 from robustid.guarantees.consistent_set import independent_entries
@@ -160,3 +160,8 @@ def largest_error(band: OnAxis) -> float:
     edges = band.circle.edges
     middle = np.where(np.isfinite(edges[1:]), (edges[:-1] + edges[1:]) / 2, 2 * edges[:-1])
     return float(np.max(band.circle.bound, where=~band.is_open(middle), initial=found))
+
+
+def largest_words(band: OnAxis) -> str:
+    """Write `largest_error` with four digits, rounded up."""
+    return f"{rounded_up(largest_error(band)):.4g}"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, Source, Tabular, freeze, hz_words, threads_for
+from robustid.core import Real, Source, Tabular, freeze, hz_words, rounded_up, threads_for
 from robustid.errors import InputError
 from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
@@ -232,7 +232,7 @@ class WorstCaseError(WorstCase, Tabular):
         gap = 1 - np.divide(lower, upper, out=np.ones(upper.size), where=upper > 0)
         lines = [f"unfinished {self.unfinished}"] * bool(self.missing.size)
         lines += [
-            f"guarantee  every consistent system is within {upper.max():.4g} of the model at {self.omega.size}"
+            f"guarantee  every consistent system is within {rounded_up(upper.max()):.4g} of the model at {self.omega.size}"
             f" frequencies{self.problem.scope}",
             f"           (median {self.relative.words}; attained: {lower.max():.4g})",
             f"gap        upper bounds exceed attained errors by {100 * gap.max():.2g} % at most",

@@ -10,7 +10,7 @@ import numpy as np
 
 from robustid.data import FrequencyResponse
 from robustid.errors import Status
-from robustid.guarantees import Band, Sample, SampleCheck, WorstCaseError
+from robustid.guarantees import Band, Sample, SampleCheck, WorstCaseError, largest_error
 from robustid.identification import Identification
 from robustid.report.charts import ALERT, BAND, FAINT, FINE, FURTHER, NOMINAL, Layer, Panel
 from robustid.report.data_faults import problem_verdict
@@ -141,7 +141,7 @@ def live_numbers(identification: Identification, band: Band | None = None) -> li
     """Margin and largest proved error, to be compared with those of another choice."""
     error = "none is proved"
     if band is not None and band.bounded.any():
-        error = in_unit(at_most(band.sigma_upper[band.bounded].max()), identification)
+        error = in_unit(at_most(largest_error(band)), identification)
     return [("margin", margin_interval(identification)), ("proved error, largest", error)]
 
 

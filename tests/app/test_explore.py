@@ -252,7 +252,7 @@ def test_a_choice_that_is_kept_stays_beside_the_newest_one(explored):
         assert rows["margin"] == margins
         assert margins[0] != margins[1]
         errors = [float(words.split()[0]) for words in rows["proved error, largest"]]
-        assert errors == pytest.approx([one.band.sigma_upper.max() for one in (kept, found)], rel=1e-3)
+        assert errors == pytest.approx([one.band.hinf for one in (kept, found)], rel=1e-3)
         figure = live_figure(found.identification, None, found.band, kept=kept.band)
         line = next(one for one in figure["data"] if one["name"] == "kept choice: proved error")
         own = live_figure(kept.identification, None, kept.band)

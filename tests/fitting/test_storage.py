@@ -72,7 +72,7 @@ def test_it_draws_reports_and_pickles(tmp_path):
     [
         (lambda text: text.update(cost=0.5 * text["cost"]), "its cost is"),
         (lambda text: text["fraction"].update(scale=2 * text["fraction"]["scale"]), "state-space model"),
-        (lambda text: text.pop("nodes"), "can't be used"),
+        (lambda text: text.pop("nodes"), "edited since: the field 'nodes'"),
         (lambda text: text.update(modal={"$class": "Popen"}), "'Popen', which is no class that can be stored"),
         (lambda text: text.update(problem=text["nodes"]), "'problem' of its MatrixFraction can't be a NodeFraction"),
     ],

@@ -12,7 +12,14 @@ import numpy as np
 from robustid.advice import Cause, CommonModes
 from robustid.core import Choice, Record
 from robustid.data import Fault
-from robustid.guarantees import Band, LoopBounds, RobustStabilityMargin, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import (
+    Band,
+    LoopBounds,
+    RobustStabilityMargin,
+    WorstCaseError,
+    WorstCaseOverPoles,
+    largest_error,
+)
 from robustid.identification import Comparison, Identification, MixedProblem
 
 if TYPE_CHECKING:
@@ -89,7 +96,7 @@ def of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -
 
 
 def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> Record:
-    """One bound of the largest singular value of the error, at the frequency where it is largest."""
+    """One bound of the largest singular value of the error, and the frequency, of those that it has, where it is largest."""
     upper, over_box = found.sigma_upper, isinstance(found, WorstCaseOverPoles)
     known = found.bounded if isinstance(found, Band) else np.isfinite(upper)
     missing: list[str] = []
@@ -105,10 +112,11 @@ def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> Record:
     if found.problem.parametric is not None and not over_box:
         missing.append(_STATED)
     at = int(np.argmax(np.where(known, upper, -1.0))) if known.any() else None
+    largest = None if at is None else largest_error(found) if isinstance(found, Band) else upper[at]
     return {
         "of": _KINDS[type(found)],
         "sentence": found.claim if isinstance(found, Band) else found.summary(),
-        "at_most": None if at is None else upper[at],
+        "at_most": largest,
         "at_hz": None if at is None else found.omega[at] / (2 * np.pi),
         "unit": _unit(found.problem),
         "median_percent": found.relative.median if known.any() else None,

@@ -199,10 +199,11 @@ def _margin(result: Identification) -> str:
 def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
     from robustid.app.answers.parts import circle_words
+    from robustid.core import rounded_up
 
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
-    text = f"claimed    every consistent system is within {upper.max():.4g} of the model at {count} frequencies"
+    text = f"claimed    every consistent system is within {rounded_up(upper.max()):.4g} of the model at {count} frequencies"
     say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
     failed = _claim_failures(console, error, exact)
     if error.known_circle is not None:
