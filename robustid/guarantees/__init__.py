@@ -6,7 +6,7 @@ from robustid.guarantees.band import band
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import ControlPair
 from robustid.guarantees.cells import Pieces
-from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.circle import CircleBound, Peak
 from robustid.guarantees.consistent_set import Sample, consistent_set
 from robustid.guarantees.contradictions import Contradiction, contradiction
 from robustid.guarantees.coverage import coverage, on_lines
@@ -22,7 +22,7 @@ from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.linear.functions import has_box
 from robustid.guarantees.linear.pole_discs import told_apart_of
 from robustid.guarantees.linear.predictions import SampleCheck, check_samples
-from robustid.guarantees.loop_axis import BandAxis, LoopMargins, Peak, margins_of
+from robustid.guarantees.loop_axis import BandAxis, LoopMargins, margins_of
 from robustid.guarantees.loop_bounds import LoopBounds, LoopStatus, loop_bounds
 from robustid.guarantees.loop_by_loop import MarginsByLoop, margins_by_loop
 from robustid.guarantees.loop_distance import CoprimeFactors, LoopDistance, coprime, ncf_margin, nu_gap

@@ -40,7 +40,7 @@ from robustid.guarantees.relative_error import RelativeErrors, relative_errors
 from robustid.guarantees.scope import pole_words
 from robustid.guarantees.sweep import Folder, Means, Processes
 from robustid.guarantees.value_set import norm_of_bounds
-from robustid.guarantees.whole_axis import largest_words, whole_axis
+from robustid.guarantees.whole_axis import largest_error, largest_words, whole_axis
 from robustid.identification import Identification, identify
 
 if TYPE_CHECKING:
@@ -361,7 +361,7 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
         return "the search was ended before every entry had its turn"
 
     def __repr__(self) -> str:
-        poles = "poles as stated" if self.box is None else "poles anywhere in a box"
+        poles = "poles taken as exact" if self.box is None else "poles anywhere in a box"
         known = self.radius[np.isfinite(self.radius)]
         radius = f"radius up to {known.max():.4g}" if known.size else "nothing is proved"
         return f"<Band: {self.omega.size} frequencies, {poles}, {radius}>"
@@ -373,17 +373,16 @@ class Band(AroundModel, ProvedDiscs, Drawable, Savable):
     @property
     def claim(self) -> str:
         """The summary without its first word."""
-        upper = self.sigma_upper
         about = "the centre of the band" if self.model is None else "the model"
         poles = pole_words([self])
         known = self.bounded
         where = "at every frequency" + (f" but from {self.open_words}" if self.open_ranges else "")
         lines = [f"none: {self.why_nothing}{poles}"]
         if known.any():
-            k = int(np.argmax(np.where(known, upper, -1.0)))
+            largest = largest_error(self)
             lines = [
-                f"every consistent system is within {largest_words(self)} of {about}, proved {where}{poles}{self.problem.scope}",
-                f"           (median {self.relative.words}; largest at {hz_words(self.omega[k] / (2 * np.pi))})",
+                f"every consistent system is within {largest_words(largest)} of {about}, proved {where}{poles}{self.problem.scope}",
+                f"           (median {self.relative.words}; largest at {hz_words(largest.omega / (2 * np.pi))})",
             ]
         if known.any() and self.open_ranges:
             lines.append(

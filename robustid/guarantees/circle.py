@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -96,6 +96,13 @@ class CircleBound(Frozen):
         cell = int(np.argmax(self.bound))
         low, high = self.edges[cell : cell + 2].tolist()
         return (low + high) / 2 if np.isfinite(high) else low
+
+
+class Peak(NamedTuple):
+    """Largest value over frequencies, for any consistent plant: an upper bound, and the frequency near which it is."""
+
+    value: float
+    omega: float  # rad/s
 
 
 def joined(circle: CircleBound) -> tuple[Real, Real]:

@@ -16,6 +16,7 @@ from robustid.errors import InputError
 from robustid.guarantees.band_result import Band
 from robustid.guarantees.bilinear import Image
 from robustid.guarantees.cells import Pieces, enclose_judged
+from robustid.guarantees.circle import Peak
 from robustid.guarantees.linear.error_sets import ErrorSets
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues, delay_of, worst_of
 from robustid.reduction import balanced_truncation
@@ -31,13 +32,6 @@ _TOLERANCE = 2e-3  # of peaks and margins on the whole axis: how far they are ab
 _LOST, _GRID, _BALANCING = 1e-6, 400, 4  # what a smaller model may lose, points and steps for the units of its signals
 _FEW = 200_000  # pieces of arc, beyond which the bounds are left as they are
 FLOORS = {"gain_above": 1e-3, "gain_below": 1e-3, "phase": 1e-2, "delay": 0.0}  # smaller ones limit nothing
-
-
-class Peak(NamedTuple):
-    """Largest value that a map of the loop has for any consistent plant: an upper bound, and the frequency near which it is."""
-
-    value: float
-    omega: float  # rad/s
 
 
 class LoopMargins(NamedTuple):

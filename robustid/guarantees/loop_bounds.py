@@ -31,7 +31,8 @@ from robustid.core import (
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.band_result import Band
-from robustid.guarantees.loop_axis import LoopAxis, LoopMargins, Peak
+from robustid.guarantees.circle import Peak
+from robustid.guarantees.loop_axis import LoopAxis, LoopMargins
 from robustid.guarantees.loop_radius import farthest_plant
 from robustid.guarantees.loop_values import MAPS, Balls, LoopValues
 from robustid.guarantees.scope import scope_of

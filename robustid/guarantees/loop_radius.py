@@ -21,8 +21,9 @@ import numpy as np
 import scipy.linalg
 
 from robustid.core import Complex, Real, StateMatrices, series
+from robustid.guarantees.circle import Peak
 from robustid.guarantees.graphs import graph_complement, graph_factors
-from robustid.guarantees.loop_axis import BandAxis, Peak
+from robustid.guarantees.loop_axis import BandAxis
 from robustid.guarantees.loop_values import Part, image_of, image_over
 
 _ONE = 1 + 1e-9

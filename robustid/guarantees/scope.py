@@ -1,4 +1,4 @@
-"""Words on what a claim over bands is about: their poles, exactly as stated or anywhere in a box, and their data."""
+"""Words on what a claim over bands is about: their poles, taken as exact or anywhere in a box, and their data."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ class OverPoles(Protocol):
 
     @property
     def box(self) -> tuple[Real, Real] | None:
-        """Intervals of the poles; None: exactly as stated."""
+        """Intervals of the poles; None: taken as exact."""
         ...
 
 
 def pole_words(bands: Sequence[OverPoles]) -> str:
     """Words on the poles of the parametric parts: exact ones are said where any band takes them so; empty without such parts."""
     if any(one.box is None and one.problem.parametric is not None for one in bands):
-        return ", poles of the parametric part exactly as stated"
+        return ", poles of the parametric part taken as exact"
     boxes = [one.box for one in bands if one.box is not None]
     counts = sorted({in_box(box) for box in boxes})
     if not counts:
         return ""
     beside = any(one.box is not None and real_poles(one.problem) for one in bands)
-    others = ", of others exactly as stated" if beside or any(in_box(box) < len(box[0]) for box in boxes) else ""
+    others = ", of others taken as exact" if beside or any(in_box(box) < len(box[0]) for box in boxes) else ""
     return f", poles of {' or '.join(map(str, counts))} mode{'s' * (counts[-1] > 1)} anywhere in their box{others}"
 
 

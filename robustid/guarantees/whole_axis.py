@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Interruptible, Real, one_thread, rounded_up
 from robustid.data import FrequencyResponse
-from robustid.guarantees.circle import CircleBound
+from robustid.guarantees.circle import CircleBound, Peak
 from robustid.guarantees.consistent_set import independent_entries
 from robustid.guarantees.linear.amplitudes import extract
 from robustid.guarantees.linear.arcs import arc_bounds
@@ -129,6 +129,11 @@ class OnAxis(Protocol):
         ...
 
     @property
+    def omega(self) -> Real:
+        """The frequencies that were asked for, rad/s."""
+        ...
+
+    @property
     def sigma_upper(self) -> Real:
         """Bounds at its frequencies."""
         ...
@@ -148,20 +153,24 @@ class OnAxis(Protocol):
         ...
 
 
-def largest_error(band: OnAxis) -> float:
-    """Proved bound of the largest singular value of F - model at every frequency outside of open ranges.
+def largest_error(band: OnAxis) -> Peak:
+    """Proved bound of the largest singular value of F - model at every frequency outside of open ranges, and where it is largest.
 
     At the frequencies of a band alone it would be no bound of what lies between them: a mode is narrower than they are apart, and
     beside an open range it rises. Of a band without a model that at these frequencies.
     """
-    found = float(np.max(band.sigma_upper, where=band.bounded, initial=0.0))
+    upper = np.where(band.bounded, band.sigma_upper, 0.0)
+    k = int(np.argmax(upper))
+    at_points = Peak(float(upper[k]), float(band.omega[k]))
     if band.model is None:
-        return found
+        return at_points
     edges = band.circle.edges
     middle = np.where(np.isfinite(edges[1:]), (edges[:-1] + edges[1:]) / 2, 2 * edges[:-1])
-    return float(np.max(band.circle.bound, where=~band.is_open(middle), initial=found))
+    bound = np.where(band.is_open(middle), 0.0, band.circle.bound)
+    k = int(np.argmax(bound))
+    return Peak(float(bound[k]), float(middle[k])) if bound[k] > at_points.value else at_points
 
 
-def largest_words(band: OnAxis) -> str:
-    """Write `largest_error` with four digits, rounded up."""
-    return f"{rounded_up(largest_error(band)):.4g}"
+def largest_words(largest: Peak) -> str:
+    """Write a `largest_error` with four digits, rounded up."""
+    return f"{rounded_up(largest.value):.4g}"

@@ -126,7 +126,7 @@ def _numbers(
     found = [("model order", order)]
     if bound is not None:
         known = np.isfinite(bound.sigma_upper)
-        proved = largest_error(bound) if isinstance(bound, Band) else float(bound.sigma_upper[known].max())
+        proved = largest_error(bound).value if isinstance(bound, Band) else float(bound.sigma_upper[known].max())
         largest = in_unit(at_most(proved, 3), identification)
         where, share = at_largest(identification, bound)
         name = f"guaranteed error, order {small.nstates if bound.model is None else bound.model.nstates}"

@@ -141,7 +141,7 @@ def live_numbers(identification: Identification, band: Band | None = None) -> li
     """Margin and largest proved error, to be compared with those of another choice."""
     error = "none is proved"
     if band is not None and band.bounded.any():
-        error = in_unit(at_most(largest_error(band)), identification)
+        error = in_unit(at_most(largest_error(band).value), identification)
     return [("margin", margin_interval(identification)), ("proved error, largest", error)]
 
 
@@ -167,7 +167,7 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
     ]
     proved = error.omega > 0  # a logarithmic axis has no 0
     low, high = np.maximum(error.magnitude[proved].T, (magnitude.y.range or (0.0, 1.0))[0])
-    name = f"guaranteed range ({error.omega.size} frequencies, poles as stated)"
+    name = f"guaranteed range ({error.omega.size} frequencies, poles taken as exact)"
     middle = np.clip(np.abs(error.nominal[proved]), low, high)
     at = error.omega[proved] / HZ
     bars = Layer(name, at, middle, FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)

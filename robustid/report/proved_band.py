@@ -64,30 +64,29 @@ def poles_words(band: Band) -> str:
     if band.problem.parametric is None:
         return "without modes"
     if band.box is None:
-        return "with the poles exactly as they stand in the class"
+        return "with the poles taken as exact"
     count, all_modes = in_box(band.box), len(band.box[0])
     poles, their = ("pole of 1 mode", "its") if count == 1 else (f"poles of {count} modes", "their")
     words = f"with the {poles} anywhere in {their} uncertainty box"
-    words = words if count == all_modes else f"{words}, of {all_modes - count} exactly as stated"
+    words = words if count == all_modes else f"{words}, of {all_modes - count} taken as exact"
     real = real_poles(band.problem)
-    return f"{words}, the real pole{'s' * (real > 1)} beside exactly as stated" if real else words
+    return f"{words}, the real pole{'s' * (real > 1)} beside taken as exact" if real else words
 
 
 def band_sentence(identification: Posed, band: Band) -> str:
     """The guarantee in plain words; of a problem that was not identified its band takes that place."""
-    upper, known = band.sigma_upper, band.bounded
-    if not known.any():
+    if not band.bounded.any():
         return f"Nothing is proved of the error: {band.why_nothing}, {poles_words(band)}."
     norm = "" if siso(identification) else " (largest singular value of the difference)"
-    largest = np.where(known, upper, -1.0)
+    largest = largest_error(band)
     but = ""
     if band.open_ranges:
         but = f" but from {band.open_words}, where nothing is proved, since a mode there may be undamped for all the data say"
     nominal = "centre of the band" if band.model is None else f"model of order {band.order}"
     return (
         f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
-        f" has a response within {in_unit(at_most(largest_error(band)), identification)} of the {nominal}{norm};"
-        f" the largest error is possible near {in_hz(band.omega[np.argmax(largest)] / HZ)}, the median is"
+        f" has a response within {in_unit(at_most(largest.value), identification)} of the {nominal}{norm};"
+        f" the largest error is possible near {in_hz(largest.omega / HZ)}, the median is"
         f" {band.relative.words}."
     )
 
@@ -212,7 +211,7 @@ def _poles(band: Band) -> str:
     if band.problem.parametric is None:
         return ""
     if band.box is None:
-        return ", poles as stated"
+        return ", poles taken as exact"
     free, modes = in_box(band.box), len(band.box[0])
     return (
         ", poles anywhere in their box"

@@ -218,7 +218,7 @@ def test_the_state_of_the_page_holds_the_band_before_and_after_the_margin(explor
         assert np.array_equal(found.band.at(omega), own.at(omega))
         second = live_figure(found.identification, None, found.band)
         for figure, error in ((first, "radius of the band"), (second, "proved error")):
-            assert {"proved band, poles as stated", f"{error}, poles as stated"} <= set(names(figure))
+            assert {"proved band, poles taken as exact", f"{error}, poles taken as exact"} <= set(names(figure))
         assert live_words(found.identification, None, found.band)[2].startswith("Proved at every frequency")
         worker.ask(dataclasses.replace(near, hz=(6.0, 17.67)))
         until(lambda: not worker.found.doing)

@@ -42,7 +42,7 @@ def test_a_mode_is_dragged_until_the_data_are_consistent(tmp_path, monkeypatch):
         browser.wait(f"{VERDICT}.startsWith('Inconsistent, margin')")
         browser.wait("document.querySelector('#picture .shapelayer path')")
         browser.drag(place(browser, 7, 0.7), place(browser, 9, 0.7), release=False)
-        browser.wait(f"{LEGEND}.includes('proved band, poles as stated')")  # while the line is held
+        browser.wait(f"{LEGEND}.includes('proved band, poles taken as exact')")  # while the line is held
         # The picture is a new one, and the line is still held.
         browser.wait(f"Math.abs({DRAWN} - {place(browser, 9, 0.7)[0]}) < 3")
         browser.release(place(browser, 9, 0.7))

@@ -131,7 +131,7 @@ def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
     low, high = (np.array([[part * value] for value in (abs(s), -s.real / abs(s))]) for part in (0.999, 1.001))
     box = np.stack([low[0], high[0]], axis=1), np.stack([low[1], high[1]], axis=1)
     found = [rid.band(problem, model=control.ss(mode)), rid.band(problem, model=control.ss(mode), box=box)]
-    words = ", poles of the parametric part exactly as stated", ", poles of 1 mode anywhere in their box"
+    words = ", poles of the parametric part taken as exact", ", poles of 1 mode anywhere in their box"
     for bands, said in (
         (found[:1], words[0]),
         (found[1:], words[1]),

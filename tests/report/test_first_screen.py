@@ -249,5 +249,5 @@ def test_a_range_is_drawn_only_where_it_is_proved(strong):
     assert at.size
     assert not band.is_open(2 * np.pi * at).any()
     row = of_guarantees([band])["guarantees"][0]
-    assert row["at_most"] == largest_error(band) >= band.sigma_upper[band.bounded].max()
+    assert row["at_most"] == largest_error(band).value >= band.sigma_upper[band.bounded].max()
     assert row["frequencies"] == band.bounded.sum()

@@ -15,6 +15,7 @@ from robustid.data import Fault
 from robustid.guarantees import (
     Band,
     LoopBounds,
+    Peak,
     RobustStabilityMargin,
     WorstCaseError,
     WorstCaseOverPoles,
@@ -96,7 +97,7 @@ def of_guarantees(found: Sequence[Band | WorstCaseError | WorstCaseOverPoles]) -
 
 
 def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> Record:
-    """One bound of the largest singular value of the error, and the frequency, of those that it has, where it is largest."""
+    """One bound of the largest singular value of the error, and where it is largest."""
     upper, over_box = found.sigma_upper, isinstance(found, WorstCaseOverPoles)
     known = found.bounded if isinstance(found, Band) else np.isfinite(upper)
     missing: list[str] = []
@@ -111,13 +112,15 @@ def _guarantee(found: Band | WorstCaseError | WorstCaseOverPoles) -> Record:
         missing.append(found.unfinished)
     if found.problem.parametric is not None and not over_box:
         missing.append(_STATED)
-    at = int(np.argmax(np.where(known, upper, -1.0))) if known.any() else None
-    largest = None if at is None else largest_error(found) if isinstance(found, Band) else upper[at]
+    largest = None
+    if known.any():
+        at = int(np.argmax(np.where(known, upper, -1.0)))
+        largest = largest_error(found) if isinstance(found, Band) else Peak(upper[at], found.omega[at])
     return {
         "of": _KINDS[type(found)],
         "sentence": found.claim if isinstance(found, Band) else found.summary(),
-        "at_most": largest,
-        "at_hz": None if at is None else found.omega[at] / (2 * np.pi),
+        "at_most": None if largest is None else largest.value,
+        "at_hz": None if largest is None else largest.omega / (2 * np.pi),
         "unit": _unit(found.problem),
         "median_percent": found.relative.median if known.any() else None,
         "every_frequency": isinstance(found, Band) and bool(known.any()) and not found.open_ranges,

@@ -29,10 +29,10 @@ _ADD = "Where the nominal model misses the data most, measured by their bounds"
 _KEEP = "Its band, error and numbers stay beside those of the choices that follow"
 _PROVED = (
     "Proved: the verdict, the margin, and the band at every frequency, which follows while a mode is dragged. It holds for poles"
-    " anywhere in the box that the data left where modes are not moved by hand, and for poles exactly as stated where they are: the"
-    " legend says which. At the marked frequencies the range for poles as stated is proved another way (polygons of four sides,"
-    " coarser than those of robustid run): a mark and the band both hold, and the narrower one says more. Everything holds for the"
-    " modes, K and decay that are stated here."
+    " anywhere in the box that the data left where modes are not moved by hand, and for poles taken as exact where they are: the"
+    " legend says which. At the marked frequencies the range for poles taken as exact is proved another way (polygons of four"
+    " sides, coarser than those of robustid run): a mark and the band both hold, and the narrower one says more. Everything holds"
+    " for the modes, K and decay that are stated here."
 )
 
 

@@ -157,9 +157,9 @@ def pole_words(identification: Identification, modes: Modes) -> str:
 
 def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | None = None) -> str:
     """Sentences on the band that is proved at every frequency, and on what it stands, beside a sweep of exact poles."""
-    poles = "" if band.problem.parametric is None else ", poles as they stand in the class"
+    poles = "" if band.problem.parametric is None else ", poles taken as exact"
     if band.box is not None:
-        real = ", but real ones exactly as stated" * bool(real_poles(band.problem))
+        real = ", but real ones taken as exact" * bool(real_poles(band.problem))
         poles = f", the poles anywhere in the pole-uncertainty box that the data leave{real}"
     known = band.bounded
     if not known.any():
@@ -167,7 +167,7 @@ def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | No
     but = f" but from {band.open_words}, where the box of a mode reaches undamped ones" if band.open_ranges else ""
     return (
         f"Proved at every frequency{but}{poles}{band.problem.scope}: every consistent system is within"
-        f" {at_most(largest_error(band))} of the model of order {band.order} (median"
+        f" {at_most(largest_error(band).value)} of the model of order {band.order} (median"
         f" {band.relative.words}).{_not_of_the_machine(withheld)}"
         f" {stands_on(band, error)} {band.unfinished}"
     ).rstrip()

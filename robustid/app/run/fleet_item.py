@@ -16,7 +16,7 @@ from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.run_file import read_run_file
 from robustid.core import Record, atomic_write, norms, paths
 from robustid.errors import InputError, RobustIdError, Status
-from robustid.guarantees import Band, FleetRow, FleetState, largest_error
+from robustid.guarantees import Band, FleetRow, FleetState, Peak, largest_error
 
 ROW = "row.json"
 _ONE = threading.Lock()  # a process of a cluster may have several threads: pictures are drawn by one at a time
@@ -167,8 +167,9 @@ def row_of(name: str, result: IdentifiedReduced | FamilyRun) -> FleetRow:
     row = row._replace(order=model.nstates)
     if error is not None and (known := np.isfinite(error.sigma_upper)).any():
         k = int(np.nanargmax(np.where(known, error.sigma_upper, -np.inf)))
-        largest = largest_error(error) if isinstance(error, Band) else float(error.sigma_upper[k])
-        row = row._replace(error=largest, error_hz=float(error.omega[k] / (2 * np.pi)))
+        at_points = Peak(float(error.sigma_upper[k]), float(error.omega[k]))
+        largest = largest_error(error) if isinstance(error, Band) else at_points
+        row = row._replace(error=largest.value, error_hz=largest.omega / (2 * np.pi))
         row = row._replace(relative=float(error.relative.median))
     omega = error.omega if error is not None else np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     if omega.size:
