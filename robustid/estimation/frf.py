@@ -108,7 +108,7 @@ def estimate_frf(
     common poles, as many as shorten the description of the spectra; windows are about what these leave, and the covariance of
     both is added, which counts the same noise twice rather than leakage not at all. The noise around a line is what the poles leave
     there over the degrees of freedom that they leave there (`mackinnon1985`). The light poles, four standard deviations
-    on either side, are the `modes` of the response.
+    on either side, are the `modes` of the response; where halves of the measurement differ, those of both.
 
     Lines that next to nothing excites, far from a sweep, have bounds that may be 1e9 times the response. Those whose bounds exceed
     100 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
