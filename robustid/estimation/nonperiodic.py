@@ -13,7 +13,7 @@ from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
 from robustid.estimation.common_poles import ModeEnds, predicted, united
 from robustid.estimation.estimate import Estimate
-from robustid.estimation.excited_lines import checked_lines, excited_lines, window_means
+from robustid.estimation.excited_lines import checked_lines, driven_lines, excited_lines, window_means
 
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
@@ -69,6 +69,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         parts, values = [divided(values, part, ny)[1] for part in parts], divided(values, of_noise, ny)[0]
     covariance, *levels = parts
     noise, changed = (np.sqrt(variances(part, values.shape)) for part in levels)
+    known = tuple(united(modes)) if np.any(changes) else found.modes  # of a loop they are not those of the plant in it
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
     power = window_means(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
@@ -86,11 +87,8 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         changed=changed if np.any(changes) else None,
         doubt=others - values if np.any(found.doubt) else None,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
-        modes=()
-        if loop
-        else tuple(
-            united(modes) if np.any(changes) else found.modes
-        ),  # the poles of a loop are not those of the plant in it
+        driven=driven_lines(x, half)[index],
+        modes=() if loop else known,
     )
 
 
