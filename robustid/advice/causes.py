@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis, as_basis, kautz
-from robustid.core import Budget, Complex, Plane, Real
+from robustid.core import Budget, Complex, Plane, Real, Source
 from robustid.data import Fault, FrequencyResponse
 from robustid.errors import InputError, SizeError
 from robustid.estimation import MISTAKES, correct, response_faults
-from robustid.identification import MixedProblem
+from robustid.identification import Identification, MixedProblem
 from robustid.identification.formulation import formulate
 from robustid.identification.solver import margin_path
 
@@ -34,6 +34,10 @@ _IN_PER_CENT = 0.1  # damping ratios from here on may be in per cent
 _AS_UNITS = ", as where values are in a unit 1000 times smaller than their bound"
 _AS_SAMPLED = (
     "; so it is, too, where a sampled response is taken for one of continuous time: then state its sample time"
+)
+_KNOWN = (
+    "state the modes that you know, or a gain bound and a decay; or measure longer, so that several lines lie in every resonance, a"
+    " plant that does not change meanwhile"
 )
 # Kind of the data, number of the experiment, rad/s or s, and dual weight of an active constraint.
 Active = tuple[str, int, float, float]
@@ -332,6 +336,18 @@ def bound_cause(problem: MixedProblem, margin: float) -> Cause:
         + (_AS_SAMPLED if margin > SLIGHTLY and not (problem.dt or problem.prior.physical) else ""),
         margin=margin / factor,
     )
+
+
+def class_cause(identification: Identification) -> Cause | None:
+    """The class that the program put in the place of one that holds the data, as it found none; None of any other class."""
+    prior, problem = identification.choices.get("prior"), identification.problem
+    if prior is None or not prior.in_place:
+        return None
+    if prior.source is Source.STOPPED:
+        what, change = "the time was over before a class was found that holds the data", "a larger time limit"
+    else:
+        what, change = "no class that was tried and says anything holds the data", _KNOWN
+    return Cause(what, change, "", problem, evidence="the one that is refuted stands in its place")
 
 
 def _rounded_up(factor: float) -> float:

@@ -26,6 +26,11 @@ class Choice:
     details: str = ""
 
     @property
+    def in_place(self) -> bool:
+        """True where a search in the data came to no choice, or to no end, and the program put this in the place of one."""
+        return bool(self.details) and self.source in (Source.PROGRAM, Source.STOPPED)
+
+    @property
     def note(self) -> str:
         """The reason, then the table."""
         return "\n".join(part for part in (self.reason, self.details) if part)

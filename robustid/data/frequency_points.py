@@ -155,7 +155,11 @@ def as_points(
             + _moved(values, points)
         )
     if np.any(omega < 0):
-        raise InputError(f"`omega` must be >= 0 (conjugate points are implied); got {omega.min():g} rad/s")
+        below = int(np.sum(omega < 0))
+        raise InputError(
+            f"`omega` must be >= 0; got {omega.min():g} rad/s, and {below} of {points} points to be left out: the response at"
+            " -omega is the conjugate of that at omega"
+        )
     dt = None if dt is None else as_positive("dt", dt)
     if dt is not None and omega.max() * dt > np.pi * NYQUIST_SLACK:
         raise InputError(

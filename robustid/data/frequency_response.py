@@ -72,7 +72,8 @@ class FrequencyResponse(ResponseParts, Drawable):
         True of one of so many points: its faults are those of all of them, which it brings. Points too far apart for what lies
         between them look like faults.
     modes : sequence of four numbers
-        Light modes that its record shows (1x1): ends of the natural frequency in rad/s and of the damping ratio of each.
+        Light modes that its record shows (1x1), or both halves of one that differ: ends of the natural frequency in rad/s and of
+        the damping ratio of each.
 
     Raises
     ------

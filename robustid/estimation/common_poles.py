@@ -7,7 +7,7 @@ is smooth enough for windows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,9 @@ _SHOWN = 12.0  # standard deviations: peaks of a hair dryer's noise reach 11
 _CHUNK = 2**16  # lines that are predicted at once
 
 
+ModeEnds = tuple[float, float, float, float]  # ends of natural frequency, rad a sample, and of damping
+
+
 class Doubt(NamedTuple):
     """Spectra, and responses at some lines, with modes that may be of the noise: places of these lines in the index."""
 
@@ -46,14 +49,15 @@ class Predicted(NamedTuple):
     values: Complex
     covariance: Complex
     doubt: Doubt | None = None  # where modes were left out
-    modes: tuple[tuple[float, float, float, float], ...] = ()  # ends of natural frequency, rad a sample, and of damping
+    modes: tuple[ModeEnds, ...] = ()
 
 
-def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int) -> Predicted:
+def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int, *, named: bool = False) -> Predicted:
     """Fit ``Z = G X + T`` over the lines of `index` and between, of spectra of R records x (R, L, nx), z (R, L, nz).
 
     G and every T are sums of partial fractions of common poles and a smooth part. Pairs are added one by one while a description
-    of the data becomes shorter (`chen2008`), all poles refined together (`golub1973`).
+    of the data becomes shorter (`chen2008`), all poles refined together (`golub1973`). Modes are `named` where
+    that is asked for, and of one record of one input and one output.
     """
     records, _, nx = x.shape
     lines: NDArray[np.intp] = np.arange(int(index[0]), int(index[-1]) + 1)
@@ -65,7 +69,8 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
         return nothing
     fit = _Spectra(2 * np.pi * lines / samples, x[:, lines], z[:, lines])
     found, doubt = fit.described(fit.pairs()), None
-    modes = found.modes()
+    named |= x.shape[0] * x.shape[2] * z.shape[2] == 1
+    modes = found.modes() if named else {}
     if found.poles.size:
         near = _APART * (fit.angle[1] - fit.angle[0])
         wide = -np.log(np.abs(found.poles)) > near  # no peaks
@@ -77,8 +82,8 @@ def predicted(x: Complex, z: Complex, samples: int, index: np.ndarray, last: int
                 away = np.abs(at[:, None] - np.angle(found.poles[~kept])).min(axis=1)
                 lines = np.flatnonzero(away <= near)
                 doubt = Doubt(lines, found.spectra(x, samples, last), found.responses(at[lines])[0])
-                found, modes = fewer, fewer.modes()
-            else:
+                found, modes = fewer, fewer.modes() if named else {}
+            elif named:
                 alike = np.flatnonzero(kept)[[j for j in fewer.modes() if stays[j]]]
                 modes = {k: one for k, one in modes.items() if k in alike}
     values, covariance = found.responses(at)
@@ -231,11 +236,11 @@ class _Description:
                 found[k] |= bool(c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] >= _SHOWN**2)
         return found
 
-    def modes(self) -> dict[int, tuple[float, float, float, float]]:
-        """Pairs of one response that are lightly damped, between the lines, by number: four standard deviations on either side."""
-        found: dict[int, tuple[float, float, float, float]] = {}
+    def modes(self) -> dict[int, ModeEnds]:
+        """Pairs that are lightly damped, between the lines, by number: four standard deviations on either side."""
+        found: dict[int, ModeEnds] = {}
         low, high = self.fit.angle[[0, -1]]
-        if self.c.shape[:2] != (1, 2) or np.any(self.poles.imag == 0):
+        if np.any(self.poles.imag == 0):
             return found
         shown = self.shown()
         for k, (pole, s) in enumerate(zip(self.poles, np.log(self.poles), strict=True)):
@@ -288,6 +293,20 @@ class _Description:
                     part = part + steady[i] @ self.inner[i] @ _adjoint(steady[i])
                 covariance[:, :, i, :, j] = part * units[i][:, None] * units[j]
         return values, covariance.reshape(K, nx * nz, nx * nz)
+
+
+def united(modes: Iterable[ModeEnds]) -> list[ModeEnds]:
+    """Modes of several measurements, those whose ends meet in both as one."""
+    found: list[ModeEnds] = []
+    for one in sorted(modes):
+        low, high, least, most = one
+        meets = [other for other in found if other[1] >= low and other[3] >= least and other[2] <= most]
+        for other in meets:
+            found.remove(other)
+            low, high = min(low, other[0]), max(high, other[1])
+            least, most = min(least, other[2]), max(most, other[3])
+        found.append((low, high, least, most))
+    return found
 
 
 def _base(turned: Complex, poles: Complex) -> Complex:

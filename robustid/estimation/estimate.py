@@ -31,6 +31,7 @@ class Estimate(NamedTuple):
     distortion: np.ndarray | None = None
     changed: np.ndarray | None = None  # what halves that differ add; None: they do not
     doubt: np.ndarray | None = None  # (F, ny, nu) what modes that may be of the noise would add
+    driven: np.ndarray | None = None  # (F,) lines that the excitation drives; None: all
     real: np.ndarray | None = None  # (F,) lines at which everything is real
     caveats: tuple[Caveat, ...] = ()
     modes: tuple[tuple[float, float, float, float], ...] = ()  # per sample: see `FrequencyResponse`

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,6 +11,9 @@ from robustid.core import Complex, Real, as_array
 from robustid.errors import InputError
 
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
+# Times what lines leak by chance: to a line from those beside it on, and to three lines from the next on.
+_LEAKED = (1.25, 1.5)
+_NEAR, _SMOOTH = 3, 0.02  # lines on either side, and what a polynomial leaves of them
 _MOST = 5000  # lines by default
 _SILENT = 100.0  # times the largest response that is known: a bound that is larger says nothing
 _FEW = 0.1  # of the windows with an excitation: fewer that tell a response are chance
@@ -60,6 +65,64 @@ def checked_lines(lines: ArrayLike, last: int) -> np.ndarray:
     if index.size == 0 or np.any(index != np.round(index)) or index.min() < 1 or index.max() > last:
         raise InputError(f"`lines` must be whole numbers from 1 to {last}; got {lines!r}")
     return np.unique(index).astype(int)
+
+
+def driven_lines(x: Complex, half: int) -> NDArray[np.bool_]:
+    """Lines (K,) that every signal of the excitation (R, K, n) drives, or that lie between two such lines of half a window.
+
+    A short part of a slow sweep drives a few lines. All others have what these leak to them, as smooth over the lines as a
+    transient is: what a window says of the response there is an extrapolation, and no bound of noise holds its error. A step leaks
+    alike, but in the middle of a record it turns from line to line, as no transient does.
+    """
+    from scipy.ndimage import label
+
+    power, smooth = np.max(np.abs(x) ** 2, axis=0), _smooth(x)
+    found = np.ones(power.shape, bool)
+    for n, driven in enumerate(_between(_driven(power), half).T):
+        parts = label(~driven)[0]
+        found[:, n] = ~np.isin(parts, np.unique(parts[~driven & smooth[:, n]]))
+    return np.all(found, axis=1)
+
+
+def _driven(power: Real) -> NDArray[np.bool_]:
+    """Lines (K, n) of more power than others leak there, and of more, with those beside them, than lines that are farther do.
+
+    A tone leaks 1/(pi m) of itself to the m-th line from it, where a record ends inside a period.
+    """
+    from scipy.signal import fftconvolve
+
+    around, lines = _mirrored(power, len(power) - 1), len(power)
+    m = np.abs(np.arange(-lines + 1, lines))
+    found = np.ones(power.shape, bool)
+    for beside, times in enumerate(_LEAKED):
+        leaks = np.where(m > beside, 1 / (np.pi * np.maximum(m, 1)) ** 2, 0.0)[:, None]
+        found &= window_means(power, beside) > times**2 * fftconvolve(around, leaks, mode="valid", axes=0)
+    return found
+
+
+def _between(driven: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
+    """Lines (K, n) that are driven, or lie between two driven ones of one half of a window: any other is extrapolated."""
+    lines = len(driven)
+    there, at = _mirrored(driven, lines - 1), np.arange(3 * lines - 2)[:, None]
+    below = np.maximum.accumulate(np.where(there, at, -at.size), axis=0)
+    above = np.minimum.accumulate(np.where(there, at, 2 * at.size)[::-1], axis=0)[::-1]
+    return (above - below <= half)[lines - 1 : 2 * lines - 1]
+
+
+def _smooth(x: Complex) -> NDArray[np.bool_]:
+    """Lines (K, n) around which every experiment (R, K, n) is a polynomial of second degree, as a transient is over so few."""
+    around = np.stack([_mirrored(one, _NEAR) for one in (x.real, x.imag)])
+    around[1, :, :_NEAR] *= -1  # negative frequencies are conjugates
+    around[1, :, -_NEAR:] *= -1
+    windows = np.lib.stride_tricks.sliding_window_view(around, 2 * _NEAR + 1, axis=2)
+    powers = np.vander(np.arange(-_NEAR, _NEAR + 1) / _NEAR, 3)
+    left = windows - windows @ (powers @ np.linalg.pinv(powers)).T
+    return np.all(np.sum(left**2, axis=(0, 4)) <= _SMOOTH**2 * np.sum(windows**2, axis=(0, 4)), axis=0)
+
+
+def _mirrored(values: NDArray[Any], more: int) -> NDArray[Any]:
+    """Values (..., K, n) with so many of negative frequencies, and of those beyond the last line."""
+    return np.pad(values, [(0, 0)] * (values.ndim - 2) + [(more, more), (0, 0)], mode="reflect")
 
 
 def silent_lines(values: Complex, radius: Real) -> NDArray[np.bool_]:

@@ -108,10 +108,11 @@ def estimate_frf(
     common poles, as many as shorten the description of the spectra; windows are about what these leave, and the covariance of
     both is added, which counts the same noise twice rather than leakage not at all. The noise around a line is what the poles leave
     there over the degrees of freedom that they leave there (`mackinnon1985`). The light poles, four standard deviations
-    on either side, are the `modes` of the response.
+    on either side, are the `modes` of the response; where halves of the measurement differ, those of both.
 
     Lines that next to nothing excites, far from a sweep, have bounds that may be 1e9 times the response. Those whose bounds exceed
     100 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
+    So are lines that have no more than what others leak to them, as smooth over the lines as a transient: in short parts of sweeps.
 
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and
@@ -201,10 +202,12 @@ def _finished(
 ) -> FrequencyResponse:
     """The response of an estimate with its bound, at lines that were asked for or say something: joint with those left out."""
     found = bound(estimate, probability, about)
-    silent = np.zeros(len(estimate.index), bool) if asked else silent_lines(estimate.values, found.radius)
-    left_out = (
-        f"; {silent.sum()} more are left out, which next to nothing excites: their bounds exceed every response by far"
-    )
+    silent = np.zeros(len(estimate.index), bool)
+    if not asked:
+        silent = silent_lines(estimate.values, found.radius)
+        if estimate.driven is not None:
+            silent |= ~estimate.driven
+    left_out = f"; {silent.sum()} more are left out, which next to nothing excites"
     response = FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,

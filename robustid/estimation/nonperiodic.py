@@ -11,9 +11,9 @@ from robustid.core import hz_words
 from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
-from robustid.estimation.common_poles import predicted
+from robustid.estimation.common_poles import ModeEnds, predicted, united
 from robustid.estimation.estimate import Estimate
-from robustid.estimation.excited_lines import checked_lines, excited_lines, window_means
+from robustid.estimation.excited_lines import checked_lines, driven_lines, excited_lines, window_means
 
 _ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
@@ -54,11 +54,12 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     # In a window of noise alone the change has a third more variance than is stated, its denominator holding some of the noise: far
     # lines, of which each says something of its own, would show that, as a change of every long record.
     shared = float(2 * half + 1)
-    changes = np.zeros(found.values.shape)
+    changes, modes = np.zeros(found.values.shape), list[ModeEnds]()
     for late, change, sure in zip(_LATE, found.change.swapaxes(0, 1), found.sure.swapaxes(0, 1), strict=False):
         added = added_variance(2 * change, 2 * sure, free, chance=_SURE, shared=shared)
         if np.any(added):
-            added = np.maximum(added, np.where(sure > 0, _apart(drives, answers, index, found.values, late), 0))
+            apart, own = _apart(drives, answers, index, found.values, late)
+            added, modes = np.maximum(added, np.where(sure > 0, apart, 0)), [*modes, *own]
         changes += added
     values, of_noise = found.values, found.of_noise
     of_changes, unsure = (stacked(part)[:, None, :] * np.eye(of_noise.shape[1]) for part in (changes, found.unsure))
@@ -68,6 +69,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         parts, values = [divided(values, part, ny)[1] for part in parts], divided(values, of_noise, ny)[0]
     covariance, *levels = parts
     noise, changed = (np.sqrt(variances(part, values.shape)) for part in levels)
+    known = tuple(united(modes)) if np.any(changes) else found.modes  # of a loop they are not those of the plant in it
     y, u = z[:, :, :ny], z[:, :, ny:] if loop else x
     power = window_means(np.mean(np.abs(y) ** 2, axis=0), half)[index]
     return Estimate(
@@ -85,7 +87,8 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
         changed=changed if np.any(changes) else None,
         doubt=others - values if np.any(found.doubt) else None,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
-        modes=() if loop else found.modes,  # the poles of a loop are not those of the plant in it
+        driven=driven_lines(x, half)[index],
+        modes=() if loop else known,
     )
 
 
@@ -107,17 +110,19 @@ class _Fitted(NamedTuple):
     residual: np.ndarray  # (f, nz) variances
     change: np.ndarray  # (f, 2 or 1, nz, nx) halves of the changes from half to half
     sure: np.ndarray  # their variances, 0 where both halves do not tell
-    modes: tuple[tuple[float, float, float, float], ...]
+    modes: tuple[ModeEnds, ...]
 
     @property
     def unsure(self) -> np.ndarray:
         return np.abs(self.doubt) ** 2 / 2
 
 
-def _fitted(x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray, samples: int) -> _Fitted:
+def _fitted(
+    x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray, samples: int, *, named: bool = False
+) -> _Fitted:
     """Responses at lines, which need not be whole, by the poles of all lines and windows about what these leave."""
     half, last = _half(*x.shape[::2]), (samples - 1) // 2
-    known = predicted(x, z, samples, index, last)
+    known = predicted(x, z, samples, index, last, named=named)
     chunk = max(1, _CHUNK // ((2 * half + 1) * len(x) * _unknowns(*x.shape[::2]) * 2))
 
     def fitted(spectra: np.ndarray, index: np.ndarray) -> list[np.ndarray]:
@@ -135,10 +140,13 @@ def _fitted(x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray,
     return _Fitted(values, covariance + known.covariance, added, residual, change, sure, known.modes)
 
 
-def _apart(drives: np.ndarray, answers: np.ndarray, index: np.ndarray, values: np.ndarray, late: str) -> np.ndarray:
-    """Mean square distances (f, nz, nx) of values from those of two halves alone, where these differ beyond chance.
+def _apart(
+    drives: np.ndarray, answers: np.ndarray, index: np.ndarray, values: np.ndarray, late: str
+) -> tuple[np.ndarray, list[ModeEnds]]:
+    """Mean square distances (f, nz, nx) of values from those of two halves alone, where these differ beyond chance; modes of both.
 
-    A change at a resonance has a double pole, which a window smooths; each half has its own poles.
+    A change at a resonance has a double pole, which a window smooths; each half has its own poles. A class holds the plant of
+    either half only where it has the modes of both: within bounds that hold the difference, those of their mean are hidden.
     """
     samples = drives.shape[1]
     axis = 1 if late == "time" else 0
@@ -146,13 +154,14 @@ def _apart(drives: np.ndarray, answers: np.ndarray, index: np.ndarray, values: n
     halves = [[part[:, end] if axis else part[end] for part in (drives, answers)] for end in ends]
     shape, length = halves[0][0].shape[::2], halves[0][0].shape[1]
     if (length - 1) // 2 < 2 * _half(*shape) + 1:
-        return np.zeros(values.shape)
+        return np.zeros(values.shape), []
     at, none = index * (length / samples), np.zeros((0, *drives.shape))
-    first, last = (_fitted(_spectra(drive), _spectra(answer), none, at, length) for drive, answer in halves)
+    first, last = (_fitted(_spectra(drive), _spectra(answer), none, at, length, named=True) for drive, answer in halves)
     noise = np.mean([variances(one.of_noise, values.shape) + one.unsure for one in (first, last)], axis=0)
     shared = (2 * _half(*shape) + 1) / (float(np.median(np.diff(at))) if at.size > 1 else 1.0)
     seen = beyond_chance(last.values - first.values, noise, _spare(*shape), _SURE, shared)
-    return np.where(seen, np.mean([np.abs(one.values - values) ** 2 for one in (first, last)], axis=0), 0.0)
+    square = np.mean([np.abs(one.values - values) ** 2 for one in (first, last)], axis=0)
+    return np.where(seen, square, 0.0), [*first.modes, *last.modes]
 
 
 def _spectra(signals: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Unfinished
+from robustid.core import Source, Unfinished
 from robustid.errors import Status
 from robustid.guarantees import Band
 from robustid.identification import Identification
@@ -51,6 +51,13 @@ if TYPE_CHECKING:
 
 _MOST_EXPERIMENTS = 6  # at the terminal
 _AGAIN = "robustid run FILE -o FOLDER"
+_BLAME = "a bound is too small, or an assumption is wrong"
+_NO_CLASS = {  # in whose place the program took the one that is refuted
+    Source.PROGRAM: "the class does not fit. Of those that were tried none that says anything holds the data; this one was taken"
+    " for reference",
+    Source.STOPPED: "the class does not fit. The time was over before one was found that holds the data; this one was taken in its"
+    " place",
+}
 
 
 def identification_head(identification: Identification, title: str | None, parts: Parts) -> Document:
@@ -248,10 +255,12 @@ def refuted(identification: Identification) -> bool:
 def _said(identification: Identification) -> tuple[str, str, str]:
     """Key, word and sentence of the verdict."""
     count, status, of = identification.problem.samples, identification.status, scope(identification)
+    prior = identification.choices.get("prior")
+    blame = _NO_CLASS[prior.source] if prior is not None and prior.in_place else _BLAME
     sentences = {
         Status.CONSISTENT: f"A system of the assumed class keeps all {count} samples within their bounds.",
         Status.INCONSISTENT: f"It is proved that no system of the assumed class keeps all {count} samples within"
-        " their bounds: a bound is too small, or an assumption is wrong.",
+        f" their bounds: {blame}.",
         Status.UNDECIDED: "The proven interval of the margin contains 1: ask for a smaller `accuracy`.",
         Status.FAILED: "No solver returned numbers that could be verified to the accuracy asked.",
     }

@@ -10,6 +10,7 @@ import pytest
 import robustid as rid
 from robustid.app.run import modes, sequence
 from robustid.identification import model_residuals
+from robustid.report import verdict
 from support.interrupts import ctrl_c
 from support.measured import needs
 from support.refusals import refused
@@ -154,6 +155,12 @@ def test_a_class_of_anything_at_all_is_not_chosen():
     assert result.identification.status is rid.Status.INCONSISTENT
     assert result.identification.problem.prior.gain_bound <= 1.5
     assert "Not taken" in result.choices["prior"].reason
+    assert result.identification.choices["prior"].in_place
+    first, *others = result.diagnosis.causes  # the class does not fit: no word of bounds before that
+    assert not first.option
+    assert first.change.startswith("state the modes that you know")
+    assert any("bound times" in cause.change for cause in others)
+    assert "none that says anything holds the data" in verdict(result.identification).sentence
     widened = rid.identify_reduced(frf, modes=[], worst_case=False, inflate="auto")
     assert widened.consistent
     assert widened.run_file.identify.inflate == pytest.approx(1.1 * 25, rel=0.05)  # half the difference over the bound

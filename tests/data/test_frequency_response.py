@@ -47,7 +47,7 @@ test_frequency_response_refuses = refusals(
     ({"omega": None}, "`omega` is required", InputTypeError),
     ({"omega": [[1.0]]}, r"`omega` must have 1 dimension; got shape \(1, 1\)"),
     ({"omega": [1.0, np.nan], "values": [1, 1]}, r"`omega` must be finite; got nan at index \(1,\)"),
-    ({"omega": [-1.0, 1.0], "values": [1, 1]}, "`omega` must be >= 0"),
+    ({"omega": [-1.0, 1.0], "values": [1, 1]}, "`omega` must be >= 0; got -1 rad/s, and 1 of 2 points to be left out"),
     ({"omega": [1 + 1j]}, "`omega` must be real", InputTypeError),
     ({"omega": ["one"]}, "`omega` must be an array of numbers", InputTypeError),
     ({"omega": [1.0, 32.0], "values": [1, 1], "dt": 0.1}, "must not exceed pi/dt = 31.4159 rad/s; got 32 rad/s"),

@@ -73,6 +73,20 @@ def test_the_bound_of_any_excitation_is_wider_where_half_of_the_time_is_of_anoth
     assert np.mean(np.array(far) > 1) <= LEFT, far
 
 
+@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in (1, 2))])
+@pytest.mark.parametrize("size", [1.1, slow(1.01)])
+def test_modes_are_those_of_both_halves(size, seed):
+    """A class without them takes a band around their mean that leaves either plant: by 28, 20 and 8 times of these seeds."""
+    clean, strength = simulated("stage", seed), {1.1: "clear", 1.01: "limit"}[size]
+    faulty = CATALOGUE["varying plant (random)"].of(clean, strength, np.random.default_rng(seed))
+    assert faulty is not None
+    ends = np.array(response_alone(faulty.records).modes)
+    first = 2 * np.pi * 17.67
+    wanted = np.array([[first, 0.01], [size * first, 0.01]])
+    assert np.all((ends[:, [0, 2]] <= wanted) & (wanted <= ends[:, [1, 3]]))
+    assert np.max(ends[:, 1] / ends[:, 0]) < 1.001
+
+
 @pytest.mark.parametrize(("plants", "seeds"), [(("heater",), range(1)), slow(SIMULATED, range(1000, 1040))])
 def test_bounds_of_clean_measurements_of_any_excitation_stay_as_they_are(plants, seeds):
     found = [CHANGED in response_alone(simulated(name, seed).random).note for seed in seeds for name in plants]

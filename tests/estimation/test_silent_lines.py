@@ -6,7 +6,8 @@ import scipy.signal
 
 import robustid as rid
 from robustid.estimation import frf as module
-from robustid.estimation.excited_lines import silent_lines
+from robustid.estimation import nonperiodic
+from robustid.estimation.excited_lines import driven_lines, silent_lines
 from robustid.estimation.frf import response_alone
 from support.cases import slow
 from support.short_records import plant_of
@@ -39,6 +40,7 @@ def test_lines_far_from_a_sweep_are_left_out(monkeypatch, seed, start, count):
     assert found.bound.radius.max() <= PART * known(found)
     assert "more are left out, which next to nothing excites" in found.note
     monkeypatch.setattr(module, "silent_lines", lambda values, _: np.zeros(len(values), bool))
+    monkeypatch.setattr(nonperiodic, "driven_lines", lambda x, _: np.ones(x.shape[1], bool))
     full = response_alone(record)
     assert full.bound.radius.max() > 1e4 * known(full)
     there = np.isin(full.omega, found.omega)
@@ -46,7 +48,30 @@ def test_lines_far_from_a_sweep_are_left_out(monkeypatch, seed, start, count):
     for name in ("values", "covariance", "noise"):
         np.testing.assert_array_equal(getattr(found, name), getattr(full, name)[there])
     np.testing.assert_array_equal(found.bound.radius, full.bound.radius[there])
-    assert known(found) == known(full)
+
+
+@pytest.mark.parametrize("seed", [0, 9, *map(slow, range(1, 9)), *map(slow, range(10, 20))])
+def test_bounds_hold_where_a_short_part_of_a_sweep_drives_the_plant(seed):
+    """Beside these lines is what they leak, as smooth as a transient: bounds were left by up to 40 times, in 11 of 20 seeds."""
+    record, plant = part_of_a_sweep(seed, 3000, 500)  # from 19.6 to 22.1 Hz, with 2 Hz between lines
+    found = response_alone(record)
+    np.testing.assert_allclose(found.freq_hz, [20, 22])
+    assert np.all(np.abs(found.values[:, 0, 0] - plant.response(found.omega)) <= found.bound.radius[:, 0, 0])
+
+
+def test_lines_that_are_driven_stay():
+    rng, t = np.random.default_rng(0), np.arange(1000)
+    multisine = np.fft.irfft(np.where(np.arange(501) % 3 == 1, np.exp(6.28j * rng.random(501)), 0))
+    step, hammer = (t > 300).astype(float), np.exp(-(((t - 100) / 3) ** 2))
+    for u in (rng.standard_normal(1000), np.cumsum(rng.standard_normal(1000)), multisine, step, hammer):
+        assert driven_lines(np.fft.rfft(u)[None, :, None] / 1000, 14)[1:499].all()
+
+
+def test_lines_beyond_the_end_of_a_sweep_go():
+    u = scipy.signal.chirp(np.arange(1000) / 1000, 20, 1, 200)
+    kept = np.flatnonzero(driven_lines(np.fft.rfft(u)[None, :, None] / 1000, 14))
+    assert kept.min() <= 20
+    assert 200 <= kept.max() < 230
 
 
 def test_lines_that_are_asked_for_stay():

@@ -184,19 +184,36 @@ def with_prior(
     prior, note = found.prior, PRIOR_NOTE + found.reason
     source = Source.DATA if found.complete else Source.STOPPED
     if reference and not says_something(problem, found):
-        (prior, what), source = _reference(run, problem), Source.PROGRAM
+        prior, what = _reference(run, problem)
+        source = Source.PROGRAM if found.complete else Source.STOPPED
         note += (
             f"\nNot taken: a non-parametric part larger than every response says nothing. In its place {what}:"
             f" |G| <= {prior.gain_bound:.4g} in {prior.where}"
         )
     elif prior is None:
         size, slowest = _LARGE * response_sizes(problem)[0], problem.prior.with_rate(float(found.decay_rates[0]))
-        prior, source = dataclasses.replace(slowest, gain_bound=size or 1.0), Source.PROGRAM
+        prior = dataclasses.replace(slowest, gain_bound=size or 1.0)
+        source = Source.PROGRAM if found.complete else Source.STOPPED
     problem = dataclasses.replace(problem, prior=prior)
     if run.prior.roll_off == AUTO:
         problem, words = _with_roll_off(problem, around)
         note += f"\n{words}"
     return _with_choice(run, problem.prior, source, note, curve=found.table), problem
+
+
+def with_prior_and_wider(
+    run: RunFile, problem: MixedProblem, around: Surroundings, *, reference: bool = True, delay: int | None = None
+) -> tuple[RunFile, MixedProblem]:
+    """The same of a problem whose bounds are then multiplied: the class is that of the bounds as they were, where one says a thing.
+
+    Wider bounds are no reason for a smaller class: its band would be the narrower for what is doubted.
+    """
+    wider = inflated_problem(problem, run)
+    if run.identify.inflate != 1 and not run.prior.is_stated:
+        found, narrow = with_prior(run, problem, around, reference=reference, delay=delay)
+        if found.prior.source is Source.DATA:
+            return found, dataclasses.replace(wider, prior=narrow.prior, parametric=narrow.parametric)
+    return with_prior(run, wider, around, reference=reference, delay=delay)
 
 
 def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, curve: str | None = None) -> RunFile:
