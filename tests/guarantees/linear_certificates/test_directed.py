@@ -12,7 +12,7 @@ import robustid as rid
 from robustid.core import Budget
 from robustid.errors import FileFormatError
 from robustid.guarantees.common_nominal import smallest_disc
-from robustid.guarantees.linear import directed
+from robustid.guarantees.linear import directed, directed_search
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.directed import DirectedBand, Sides, directions
 from robustid.guarantees.linear.directed_search import DirectedSearch
@@ -38,14 +38,20 @@ def seeds(quick, all_of_them):
 
 @functools.cache
 def joined(kind, seed):
-    """A plant at the edge of its class, and the band with polygons at three frequencies; of the quick ones at two and at one."""
+    """A plant at the edge of its class, and the band with polygons at three frequencies.
+
+    Of the quick ones at two and at one, and with arcs halved once, not four times.
+    """
     plant = edge_plant(kind, seed)
     result, rng = rid.identify(plant.problem), np.random.default_rng(seed)
     lines = plant.problem.frequency[0].omega
     knots = 40 if (kind, seed) in QUICK else 80
     band, omega = rid.band(result, box=plant.box, knots=knots), np.sort(rng.uniform(lines.min(), lines.max(), 3))
     omega = omega[: {QUICK[0]: 2, QUICK[1]: 1}.get((kind, seed))]
-    return plant, result, band.refine(result, omega=omega)
+    with pytest.MonkeyPatch.context() as patch:
+        if (kind, seed) in QUICK:
+            patch.setattr(directed_search, "_HALVINGS", 1)
+        return plant, result, band.refine(result, omega=omega)
 
 
 def sides_of(found):
@@ -195,7 +201,8 @@ def test_without_time_the_discs_around_the_polygons_stand():
     assert np.all(found.at(omega)[1] <= plain.at(omega)[1])
 
 
-def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_path):
+def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(directed_search, "_HALVINGS", 1)
     plant, _, found = joined(*ONE)
     plain, omega = dataclasses.replace(found, polygons=None, directed=()), frequencies(plant, found, ONE[1])
     values = plant.truth(omega)

@@ -20,6 +20,7 @@ from robustid.guarantees import placement
 from robustid.guarantees.candidates import halved
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import ConsistentSet
+from robustid.guarantees.linear import directed_search
 from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.sweep import Means
 from support.edge_bands import edge_plant
@@ -28,6 +29,14 @@ from support.refusals import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
 AT = OMEGA[[1, 2, 4]]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _unhalved():
+    """Bands of directions without further knots between theirs, which take as long again: those are a claim of test_directed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(directed_search, "_HALVINGS", 0)
+        yield
 
 
 def truth(omega):
@@ -220,7 +229,12 @@ QUICK = [("discrete", 2)]  # over a box; exact poles in test_directed
 def test_a_plant_at_the_edge_is_within_the_refined_bounds(kind, seed):
     plant = edge_plant(kind, seed)
     result = rid.identify(plant.problem)
-    band = rid.band(result, box=plant.box, omega=plant.frequencies(np.random.default_rng(seed), 4), knots=100)
+    band = rid.band(
+        result,
+        box=plant.box,
+        omega=plant.frequencies(np.random.default_rng(seed), 4),
+        knots=30 if (kind, seed) in QUICK else 100,
+    )
     found = band.refine(result, omega=band.omega)
     error = np.abs(plant.truth(found.omega) - plant.problem.plane.values_at(found.model, found.omega))
     assert (plant.box is None) == (seed in EDGES[kind][0])
