@@ -4,11 +4,10 @@ import functools
 
 import control
 import numpy as np
-import pytest
 
 import robustid as rid
 from robustid.guarantees import limiting_polygons
-from robustid.guarantees.linear import directed_search
+from support.halvings import arcs_halved
 
 DT = 0.01
 PLANT = control.ss([[1.1, 0.3], [0.0, 0.4]], [[0.2], [1.0]], [[1.0, 0.5]], 0.0, DT)
@@ -38,6 +37,5 @@ def measured():
     model = rid.balanced_truncation(result.model, order=2).model
     band = rid.band(result, model=model, omega=omega, knots=48)
     found = limiting_polygons(band, loop, result, omega, directions=8, rtol=0.1)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(directed_search, "_HALVINGS", 2)
+    with arcs_halved(2):
         return loop, result, band, found, band.with_polygons(found)

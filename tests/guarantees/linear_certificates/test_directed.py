@@ -1,5 +1,6 @@
 """Certificates of one direction each: norms by quadrature, plants at the edge and solved values inside, for any multipliers."""
 
+import contextlib
 import dataclasses
 import functools
 import importlib.util
@@ -12,7 +13,7 @@ import robustid as rid
 from robustid.core import Budget
 from robustid.errors import FileFormatError
 from robustid.guarantees.common_nominal import smallest_disc
-from robustid.guarantees.linear import directed, directed_search
+from robustid.guarantees.linear import directed
 from robustid.guarantees.linear.certificate import targets_at
 from robustid.guarantees.linear.directed import DirectedBand, Sides, directions
 from robustid.guarantees.linear.directed_search import DirectedSearch
@@ -20,6 +21,7 @@ from robustid.guarantees.linear.directed_verification import holds_exactly
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, hull, smallest_discs
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
+from support.halvings import arcs_halved
 from support.refusals import refused
 
 # Plants without records of which the data are consistent: with exact poles, and with those of a problem whose poles are in a box.
@@ -48,9 +50,7 @@ def joined(kind, seed):
     knots = 40 if (kind, seed) in QUICK else 80
     band, omega = rid.band(result, box=plant.box, knots=knots), np.sort(rng.uniform(lines.min(), lines.max(), 3))
     omega = omega[: {QUICK[0]: 2, QUICK[1]: 1}.get((kind, seed))]
-    with pytest.MonkeyPatch.context() as patch:
-        if (kind, seed) in QUICK:
-            patch.setattr(directed_search, "_HALVINGS", 1)
+    with arcs_halved(1) if (kind, seed) in QUICK else contextlib.nullcontext():
         return plant, result, band.refine(result, omega=omega)
 
 
@@ -201,13 +201,13 @@ def test_without_time_the_discs_around_the_polygons_stand():
     assert np.all(found.at(omega)[1] <= plain.at(omega)[1])
 
 
-def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_path, monkeypatch):
-    monkeypatch.setattr(directed_search, "_HALVINGS", 1)
+def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_path):
     plant, _, found = joined(*ONE)
     plain, omega = dataclasses.replace(found, polygons=None, directed=()), frequencies(plant, found, ONE[1])
     values = plant.truth(omega)
     for limit in (0.1, 0.3, None):  # wherever the time ends
-        alone = plain.by_directions(Budget(limit))
+        with arcs_halved(1):
+            alone = plain.by_directions(Budget(limit))
         centre, radius = alone.at(omega)
         assert np.all(np.abs(values - centre) <= radius)
     assert np.median(radius / plain.at(omega)[1]) < 0.98
@@ -221,7 +221,9 @@ def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_
         Budget(),
         Budget(1e-9),
     ):  # polygons: where multipliers with and without them are mixed, rounding is left
-        assert np.all(alone.between(found.polygons, budget).at(omega)[1] <= radius * (1 + 1e-4))
+        with arcs_halved(1):
+            between = alone.between(found.polygons, budget)
+        assert np.all(between.at(omega)[1] <= radius * (1 + 1e-4))
 
 
 def test_the_search_comes_near_to_what_a_conic_solver_finds():

@@ -20,11 +20,11 @@ from robustid.guarantees import placement
 from robustid.guarantees.candidates import halved
 from robustid.guarantees.common_nominal import smallest_disc
 from robustid.guarantees.consistent_set import ConsistentSet
-from robustid.guarantees.linear import directed_search
 from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.sweep import Means
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
+from support.halvings import arcs_halved
 from support.refusals import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
@@ -34,8 +34,7 @@ AT = OMEGA[[1, 2, 4]]
 @pytest.fixture(autouse=True, scope="module")
 def _unhalved():
     """Bands of directions without further knots between theirs, which take as long again: those are a claim of test_directed."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(directed_search, "_HALVINGS", 0)
+    with arcs_halved(0):
         yield
 
 
