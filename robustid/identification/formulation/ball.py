@@ -170,7 +170,7 @@ class DenseMapOf(DenseMap):
         self._other = other
 
     def curvature(self, pairs: Pairs) -> Real:
-        """That of the other map."""
+        """The curvature of the other map."""
         return self._other.curvature(pairs)
 
 
