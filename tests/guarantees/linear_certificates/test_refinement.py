@@ -24,18 +24,11 @@ from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.sweep import Means
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
-from support.halvings import arcs_halved
 from support.refusals import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
 AT = OMEGA[[1, 2, 4]]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _unhalved():
-    """Bands of directions without further knots between theirs, which take as long again: those are a claim of test_directed."""
-    with arcs_halved(0):
-        yield
+pytestmark = pytest.mark.usefixtures("unhalved")
 
 
 def truth(omega):
