@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 from collections.abc import Sequence
 from typing import NamedTuple, cast
 
@@ -35,25 +37,28 @@ class _Local:
     data: LineData
     fixed: Real
 
+    @functools.cached_property
+    def y(self) -> Real:
+        """The values as real rows in units of the bounds."""
+        return self.data.scaled(self.data.value[:, None])[:, 0]
+
     def minimax(self, pole: Real, level: float | None = None) -> tuple[float, float]:
         """Lower and upper bound of the smallest max |e|/bound at this pole; stops once a `level` is decided."""
-        columns = np.hstack([self.data.scaled(pole_pair(self.data.angle, pole)), self.fixed])
-        columns = columns / np.linalg.norm(columns, axis=0)
-        y = self.data.scaled(self.data.value[:, None])[:, 0]
-        lines = self.data.angle.size
-        weight = np.full(lines, 1 / lines)
+        # In Fortran's order, as LAPACK takes it: this is computed some thousand times.
+        columns = np.asfortranarray(np.hstack([self.data.scaled(pole_pair(self.data.angle, pole)), self.fixed]))
+        columns /= np.linalg.norm(columns, axis=0)
+        y, lines = self.y, self.data.angle.size
+        weight, root = np.full(lines, 1 / lines), np.empty(2 * lines)
         lower, upper = 0.0, np.inf
         for _ in range(30):
-            root = np.sqrt(weight)
-            root = np.concatenate([root, root])
-            solution = _least_squares(root[:, None] * columns, root * y)
-            ratio = ratios(y - columns @ solution)
-            lower, upper = max(lower, float(np.sqrt(weight @ ratio**2))), min(upper, float(ratio.max()))
-            decided = level is not None and (lower > level or upper <= level)
-            if decided or upper - lower <= 1e-3 * upper:
+            np.sqrt(weight, out=root[:lines])
+            root[lines:] = root[:lines]
+            ratio = ratios(y - columns @ _least_squares(columns * root[:, None], y * root, overwrite=True))
+            lower, upper = max(lower, math.sqrt(weight @ ratio**2)), min(upper, float(ratio.max()))
+            if upper - lower <= 1e-3 * upper or (level is not None and (lower > level or upper <= level)):
                 break
-            weight = weight * ratio
-            weight = weight / weight.sum()
+            weight *= ratio
+            weight /= weight.sum()
         return lower, upper
 
     def linear(self, pole: Real, to_mode: Real) -> Real:
@@ -64,7 +69,7 @@ class _Local:
         pair = self.data.scaled(pole_pair(self.data.angle, pole))
         functions = np.hstack([pair, self.fixed])
         sizes = np.linalg.norm(functions, axis=0)
-        y = self.data.scaled(self.data.value[:, None])[:, 0]
+        y = self.y
         weights = np.asarray(np.linalg.lstsq(functions / sizes, y, rcond=1e-12)[0], dtype=float) / sizes
         changes = np.stack([one @ weights[:2] for one in pair_changes(self.data.angle, pole)], axis=1)
         slopes = self.data.scaled(changes) @ np.linalg.inv(to_mode)
@@ -75,13 +80,12 @@ class _Local:
         return np.stack([rows @ (y - functions @ weights), np.hypot(*np.split(rows, 2, axis=1)).sum(axis=1)], axis=1)
 
 
-def _least_squares(columns: Real, y: Real) -> Real:
+def _least_squares(columns: Real, y: Real, *, overwrite: bool = False) -> Real:
     """The shortest solution, by a complete orthogonal factorisation: three times as fast as by singular values."""
     rows, n = columns.shape
-    right = np.zeros((max(rows, n), 1))
-    right[:rows, 0] = y
-    free = np.zeros(n, dtype=np.int32)
-    found = scipy.linalg.lapack.dgelsy(columns, right, free, 1e-12, min(rows, n) + 66 * (n + 1), 0, 1)
+    right = y if rows >= n else np.concatenate([y, np.zeros(n - rows)])
+    free, size = np.zeros(n, dtype=np.int32), min(rows, n) + 66 * (n + 1)
+    found = scipy.linalg.lapack.dgelsy(columns, right[:, None], free, 1e-12, size, overwrite, overwrite)
     return cast(Real, found[1][:n, 0])
 
 

@@ -1,6 +1,9 @@
+import contextlib
+
 import numpy as np
 import pytest
 
+from support.halvings import arcs_halved
 from support.proofs import asked, built
 
 
@@ -25,3 +28,10 @@ def proved(program, tmp_path):
         return said
 
     return check
+
+
+@pytest.fixture
+def unhalved(request):
+    """Bands of directions without further knots between theirs, which take as long again; slow tests have them."""
+    with contextlib.nullcontext() if request.node.get_closest_marker("slow") else arcs_halved(0):
+        yield

@@ -170,11 +170,14 @@ def polygons():
     return polygons_of(identified(bound=SMALL), BOX, [NEAR, BESIDE])
 
 
-def polygons_of(one, box, omega):
-    """Those of all cells at frequencies, without what a band makes of them."""
+def polygons_of(one, box, omega, cells=6):
+    """Those of so many cells at frequencies, without what a band makes of them."""
     plain = rid.band(one, omega=omega, box=box, model=one.model, knots=40)
     programs = placement.OverBox(one, one.model, box, np.ones((1, 1)), every=True)
-    programs.solve(np.array(omega), plain, Means())
+    with pytest.MonkeyPatch.context() as patch:
+        for most in ("_CELLS", "_CELLS_AT_PEAK"):
+            patch.setattr(placement, most, cells)
+        programs.solve(np.array(omega), plain, Means())
     return programs.polygons()
 
 

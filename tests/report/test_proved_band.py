@@ -12,9 +12,17 @@ from robustid.guarantees import WorstCaseOverPoles
 from robustid.report import render_report, stands_on
 from robustid.report.proved_band import band_chart, centre_chart
 from support.edge_bands import edge_plant
+from support.halvings import arcs_halved
 from support.report_pages import Page, identified, named
 
 pytestmark = pytest.mark.quick
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _unhalved():
+    with arcs_halved(0):
+        yield
+
 
 HZ = np.array([4.0, 8.0, 17.6, 30.0, 48.0])
 MODES = rid.datasets.flexible_structure().modes

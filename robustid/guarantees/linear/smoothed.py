@@ -83,22 +83,21 @@ class Smoothed:
         (one, other), E, bent = here.turned, self.E, _BEND / s**3
         off = -E[:, 0, 1] / s - bent * one * other
         ends = [scale * end for end in (E[:, 0, 0] / s - bent * one**2, E[:, 1, 1] / s - bent * other**2, off)]
-        terms = W, W * weights[:, :, None], (scale / r)[:, 1:], *ends
-        return np.stack([self._solved(-g, *each) for g, *each in zip(gradient * scale, *terms, strict=True)])
+        H = self._curvatures(W, weights, (scale / r)[:, 1:], ends)
+        return np.stack([_solved(*each) for each in zip(H, -gradient * scale, strict=True)])
 
-    def _solved(self, right: Real, W: Real, weighted: Real, parts: Real, *ends: Real) -> Real:
-        """Solution of a direction; its matrix stays in the cache, those of all do not. LinAlgError for a singular one."""
+    def _curvatures(self, W: Real, weights: Real, parts: Real, ends: Sequence[Real]) -> Real:
+        """Matrices (M, 2n, 2n) of all directions: terms of low rank, norms, and the diagonals of the four blocks."""
         n, size = self.count, 2 * self.count
         (first, *_), *others = self.norms
-        H = weighted.T @ W
+        H = np.matmul((W * weights[:, :, None]).transpose(0, 2, 1), W)
         H += first
-        for part, (Q, *_) in zip(parts, others, strict=True):
-            H += Q * part
-        diagonals = H.reshape(-1)  # of the four blocks
+        for k, (Q, *_) in enumerate(others):
+            H += Q * parts[:, k, None, None]
+        diagonals = H.reshape(len(H), -1)
         for at, end in zip((0, n * size + n, n, n * size), (*ends, ends[-1]), strict=True):
-            diagonals[at : at + n * (size + 1) : size + 1] += end
-        _, found, failed = scipy.linalg.lapack.dposv(H.T, right, lower=True)  # in Fortran's order as it is
-        return np.asarray(np.linalg.solve(H, right) if failed else found, dtype=float)
+            diagonals[:, at : at + n * (size + 1) : size + 1] += end
+        return H
 
     def _best_length(self, here: _Terms, d: Real, way: Real) -> Real:
         """The best of some lengths of a way (M, 2n), (M,): along it every square is quadratic."""
@@ -114,3 +113,9 @@ class Smoothed:
         for square, slope, bend in zip((here.own, here.sizes, here.rest), slopes, bends, strict=True):
             total = total + np.sqrt(np.maximum(square + t * (2 * slope + t * bend), 0.0) + d).sum(axis=2)
         return _LENGTHS[total.argmin(axis=0), 0, 0]
+
+
+def _solved(H: Real, right: Real) -> Real:
+    """Solution of a direction; LinAlgError for a singular one. A matrix that is not positive definite is rare."""
+    _, found, failed = scipy.linalg.lapack.dposv(H.T, right, lower=True)  # in Fortran's order as it is
+    return np.asarray(np.linalg.solve(H, right) if failed else found, dtype=float)

@@ -159,6 +159,21 @@ class DenseMap(SymmetricMap):
         return total
 
 
+class DenseMapOf(DenseMap):
+    """A stored basis, with the curvature of another map of the same functions that has it in fewer operations.
+
+    The curvature only shows Newton's method the way: where the way ends does not depend on it.
+    """
+
+    def __init__(self, basis: Real, other: SymmetricMap):
+        super().__init__(basis)
+        self._other = other
+
+    def curvature(self, pairs: Pairs) -> Real:
+        """The curvature of the other map."""
+        return self._other.curvature(pairs)
+
+
 class TurnedBall(Ball):
     """The blocks of another ball in the coordinates y of x = V y, V orthogonal."""
 

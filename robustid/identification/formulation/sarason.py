@@ -16,6 +16,7 @@ from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
     Ball,
     DenseMap,
+    DenseMapOf,
     DenseProducts,
     EntryProducts,
     Inequalities,
@@ -27,6 +28,7 @@ from robustid.identification.formulation.ball import (
 from robustid.identification.formulation.quadrature import QuadratureMap
 from robustid.identification.interpolant import interpolants
 
+_LARGE = 40  # order from which products of stored matrices, n^4, take several times as long as a quadrature, n^3
 _KEPT = 64  # order up to which the last bases are kept, 2 MB each: of the same data many classes are asked for
 
 
@@ -192,9 +194,14 @@ class PairMap(SarasonMap):
         """A map with n^3 work for the curvature in place of n^4; None where the nodes don't allow it."""
         return QuadratureMap.of(self.pair, self.symmetry)
 
+    def _symmetric_map(self) -> SymmetricMap:
+        """H of stored matrices, of large orders with a curvature by quadrature, where the nodes allow it."""
+        other = self._by_quadrature if self.pair.order >= _LARGE else None
+        return super()._symmetric_map() if other is None else DenseMapOf(self.symmetric_basis, other)
+
     def _quick_map(self) -> SymmetricMap:
         """By quadrature, where the nodes allow it."""
-        return self._by_quadrature or self._symmetric_map()
+        return self._by_quadrature or super()._symmetric_map()
 
     def _products(self) -> EntryProducts:
         """By quadrature too."""

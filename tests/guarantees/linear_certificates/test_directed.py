@@ -1,5 +1,6 @@
 """Certificates of one direction each: norms by quadrature, plants at the edge and solved values inside, for any multipliers."""
 
+import contextlib
 import dataclasses
 import functools
 import importlib.util
@@ -20,6 +21,7 @@ from robustid.guarantees.linear.directed_verification import holds_exactly
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, hull, smallest_discs
 from support.edge_bands import edge_plant
 from support.forging import arrays_of, forge, kept
+from support.halvings import arcs_halved
 from support.refusals import refused
 
 # Plants without records of which the data are consistent: with exact poles, and with those of a problem whose poles are in a box.
@@ -38,14 +40,18 @@ def seeds(quick, all_of_them):
 
 @functools.cache
 def joined(kind, seed):
-    """A plant at the edge of its class, and the band with polygons at three frequencies; of the quick ones at two and at one."""
+    """A plant at the edge of its class, and the band with polygons at three frequencies.
+
+    Of the quick ones at two and at one, and with arcs halved once, not four times.
+    """
     plant = edge_plant(kind, seed)
     result, rng = rid.identify(plant.problem), np.random.default_rng(seed)
     lines = plant.problem.frequency[0].omega
     knots = 40 if (kind, seed) in QUICK else 80
     band, omega = rid.band(result, box=plant.box, knots=knots), np.sort(rng.uniform(lines.min(), lines.max(), 3))
     omega = omega[: {QUICK[0]: 2, QUICK[1]: 1}.get((kind, seed))]
-    return plant, result, band.refine(result, omega=omega)
+    with arcs_halved(1) if (kind, seed) in QUICK else contextlib.nullcontext():
+        return plant, result, band.refine(result, omega=omega)
 
 
 def sides_of(found):
@@ -200,7 +206,8 @@ def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_
     plain, omega = dataclasses.replace(found, polygons=None, directed=()), frequencies(plant, found, ONE[1])
     values = plant.truth(omega)
     for limit in (0.1, 0.3, None):  # wherever the time ends
-        alone = plain.by_directions(Budget(limit))
+        with arcs_halved(1):
+            alone = plain.by_directions(Budget(limit))
         centre, radius = alone.at(omega)
         assert np.all(np.abs(values - centre) <= radius)
     assert np.median(radius / plain.at(omega)[1]) < 0.98
@@ -214,7 +221,9 @@ def test_sums_of_the_lines_alone_narrow_a_band_and_come_back_from_its_files(tmp_
         Budget(),
         Budget(1e-9),
     ):  # polygons: where multipliers with and without them are mixed, rounding is left
-        assert np.all(alone.between(found.polygons, budget).at(omega)[1] <= radius * (1 + 1e-4))
+        with arcs_halved(1):
+            between = alone.between(found.polygons, budget)
+        assert np.all(between.at(omega)[1] <= radius * (1 + 1e-4))
 
 
 def test_the_search_comes_near_to_what_a_conic_solver_finds():

@@ -28,6 +28,7 @@ from support.refusals import refused
 
 OMEGA = np.array([0.5, 3.0, 7.5, 11.0, 28.0])
 AT = OMEGA[[1, 2, 4]]
+pytestmark = pytest.mark.usefixtures("unhalved")
 
 
 def truth(omega):
@@ -220,7 +221,12 @@ QUICK = [("discrete", 2)]  # over a box; exact poles in test_directed
 def test_a_plant_at_the_edge_is_within_the_refined_bounds(kind, seed):
     plant = edge_plant(kind, seed)
     result = rid.identify(plant.problem)
-    band = rid.band(result, box=plant.box, omega=plant.frequencies(np.random.default_rng(seed), 4), knots=100)
+    band = rid.band(
+        result,
+        box=plant.box,
+        omega=plant.frequencies(np.random.default_rng(seed), 4),
+        knots=30 if (kind, seed) in QUICK else 100,
+    )
     found = band.refine(result, omega=band.omega)
     error = np.abs(plant.truth(found.omega) - plant.problem.plane.values_at(found.model, found.omega))
     assert (plant.box is None) == (seed in EDGES[kind][0])
