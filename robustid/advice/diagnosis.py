@@ -260,9 +260,8 @@ def _ranked(identification: Identification, causes: list[Cause], tried: list[Cau
     sure = [one for one in causes if (one.margin is None or one.solves) and not one.unsure]
     solving, helping = ([one for one in of_class if one.solves is which] for which in (True, False))
     rest = [] if sure else [one for one in causes if one not in sure]
-    if (
-        of_reference := class_cause(identification)
-    ) is not None:  # bounds that it needs say nothing of those that are right
+    of_reference = class_cause(identification)
+    if of_reference is not None:  # the bounds that it needs say nothing of those that are right
         return [*sure, *solving, of_reference, *helping, *rest, bounds]
     # Bounds that are off by an order are an error of judgement; by two, of something else.
     if margin <= SLIGHTLY:
