@@ -18,7 +18,7 @@ from robustid.guarantees.amplitude_bounds import modes_by_frequency
 from robustid.guarantees.candidates import in_units
 from robustid.guarantees.linear.certificate import Targets, targets_at
 from robustid.guarantees.linear.directed import DirectedBand, directions, left_by_series
-from robustid.guarantees.linear.directed_search import DirectedSearch
+from robustid.guarantees.linear.directed_search import DirectedSearch, moved
 from robustid.guarantees.linear.further_points import further_points
 from robustid.guarantees.linear.polygon_discs import corners_of_supports
 from robustid.guarantees.pole_cells import PoleCell
@@ -98,11 +98,7 @@ class Branch:
         return targets_at(self._searches[entry].sides.samples, self.problem.plane.angles(np.array([omega])))
 
     def _searched(self, entry: int, omega: float, points: NDArray[np.intp], before: Polygon | None = None) -> Polygon:
-        start = None
-        if before is not None:
-            start = np.zeros((_SIDES, points.size), complex)
-            _, here, there = np.intersect1d(points, before.points, assume_unique=True, return_indices=True)
-            start[:, here] = before.multipliers[:, there]
+        start = None if before is None else moved(before.points, before.multipliers, points)
         c, bounds = self._searches[entry].search(self._target(omega, entry), points, start)
         return Polygon(points, c.astype(np.complex64), bounds)
 

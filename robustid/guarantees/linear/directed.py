@@ -14,7 +14,8 @@ at most norm 1 there. For mu the mean of the harmonic measures seen from b and b
 
 so that 1/h, h(x) = (1 - b x)(1 - b* x)/((1 - r x) sqrt((1 - a) s/2)), is outer with mu = dm/|h|^2, and the kernel is k(z, w) =
 h(z) h(w)*/(1 - z w*). Re(u phi(z)) has the representer (u* k(., z) + u k(., z*))/2, and two of them have the inner product
-Re(u u'* k(z, z') + u u' k(z, z'*))/2.
+Re(u u'* k(z, z') + u u' k(z, z'*))/2. A sample of a record is a real functional U of the coefficients of phi, for which Re c
+counts; of phi = h psi it sees sum_n (sum_m U_m h_(m-n)) psi_n, and these are the coefficients of its representer.
 
 A disc of one certificate says the same in all directions, whatever the samples say; here the multipliers of a direction are those
 that are best for the values that were measured. Between knots multipliers are mixed, direction by direction.
@@ -28,11 +29,12 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Frozen, Real, freeze, kept_by_content
+from robustid.core import Array, Complex, Frozen, Real, freeze, kept_by_content
 from robustid.guarantees.linear.amplitudes import Extraction
 from robustid.guarantees.linear.certificate import Targets, targets_at
 from robustid.guarantees.linear.error_sets import KnownErrors
@@ -50,7 +52,10 @@ def directions(count: int) -> Complex:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sides(Frozen):
-    """Samples with polygons at the last of their points, as certificates of a direction see them: without records."""
+    """Samples with polygons at the last of their points, as certificates of a direction see them.
+
+    Points are numbered from 0 on, samples of records from the last one, -1, backwards: polygons come behind the lines.
+    """
 
     samples: Samples
     extraction: Extraction
@@ -66,10 +71,34 @@ class Sides(Frozen):
         """Number of the first point with a polygon."""
         return self.half - len(self.corners)
 
+    def _numbered(self, at_points: Array, of_rows: Array) -> Array:
+        """Values at points and conjugates, and those of rows, behind each other as they are numbered."""
+        return np.concatenate([at_points[: self.half], of_rows])
+
+    @functools.cached_property
+    def values(self) -> Complex:
+        """Functions at the points and in the rows of records, (half + T, m)."""
+        return self._numbered(self.samples.values, self.samples.record_functions)
+
+    @functools.cached_property
+    def y(self) -> Complex:
+        """Samples at points and in rows, (half + T,)."""
+        return self._numbered(self.samples.y, self.samples.record_y.astype(complex))
+
+    @functools.cached_property
+    def bound(self) -> Real:
+        """Their bounds, (half + T,)."""
+        return self._numbered(self.samples.bound, self.samples.record_bound)
+
+    @functools.cached_property
+    def left_out_each(self) -> Real:
+        """Most that the series leave out of them, (half + T, amplitudes)."""
+        return self._numbered(self.samples.left_out, self.samples.record_left_out)
+
     @functools.cached_property
     def left_out(self) -> Real:
-        """Most that the series leave out at the points, for the largest amplitudes, (half,)."""
-        return self.samples.left_out[: self.half] @ self.extraction.known.largest
+        """The same for the largest amplitudes, (half + T,)."""
+        return self.left_out_each @ self.extraction.known.largest
 
     @functools.cached_property
     def reals(self) -> NDArray[np.bool_]:
@@ -100,6 +129,12 @@ class Measure:
         b = self.base
         return (1 - b * x) * (1 - np.conj(b) * x) / ((1 - self.zero * x) * self.level)
 
+    @property
+    def as_filter(self) -> tuple[Real, Real]:
+        """Numerator and denominator of h."""
+        b = self.base
+        return np.array([1.0, -2 * b.real, abs(b) ** 2]) / self.level, np.array([1.0, -self.zero])
+
 
 def kernels(z: Complex, w: Complex, other: Complex, weights: Complex) -> tuple[Complex, Complex]:
     """Inner products of the weights of points (n, C) with others (k, C) and with their conjugates, over 1 - z z'* and 1 - z z'."""
@@ -111,10 +146,10 @@ def supports(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Comple
     """Bounds of Re(turn F) at the targets by multipliers (B, M, n) of points (n,), (B, M)."""
     samples, known = sides.samples, sides.extraction.known
     own = points < sides.first_node
-    total = (c[:, :, own] * samples.y[points[own]]).real.sum(axis=2)
+    total = (c[:, :, own] * sides.y[points[own]]).real.sum(axis=2)
     size = np.abs(c)
-    total += size[:, :, own] @ samples.bound[points[own]] + size @ sides.left_out[points]
-    rounded = size[:, :, own] @ np.abs(samples.y[points[own]])
+    total += size[:, :, own] @ sides.bound[points[own]] + size @ sides.left_out[points]
+    rounded = size[:, :, own] @ np.abs(sides.y[points[own]])
     if not own.all():
         corners = sides.corners[points[~own] - sides.first_node]
         total += (c[:, :, ~own, None] * corners).real.max(axis=3).sum(axis=2)
@@ -132,7 +167,7 @@ def missed_of(
     sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex
 ) -> tuple[Complex, Real]:
     """The m_i of all functions, (B, M, m), and the sizes of their terms."""
-    values = sides.samples.values[points]
+    values = sides.values[points]
     missed = turns[:, None] * targets.values[:, None, :] - c @ values
     return missed, np.abs(targets.values)[:, None, :] + np.abs(c) @ np.abs(values)
 
@@ -160,31 +195,70 @@ def left_by_series(sides: Sides, target: Targets, points: NDArray[np.intp], c: C
     samples, known = sides.samples, sides.extraction.known
     further = ~samples.first
     size = sizes_of(sides, missed_of(sides, target, points, c, turn)[0])[0, 0] * known.coefficients(samples)[1]
-    found = (np.abs(c[0, 0]) @ samples.left_out[points] + target.left_out[0].real) * known.largest
+    found = (np.abs(c[0, 0]) @ sides.left_out_each[points] + target.left_out[0].real) * known.largest
     np.add.at(found, samples.amplitude_of[further], size[further])
     return found
 
 
+class SeenRows(NamedTuple):
+    """Samples of records as a measure sees them: coefficients of their representers, and what these do at points."""
+
+    coefficients: list[Real]  # (T, N) of every component
+    gram: Real  # (T, T), inner products
+
+    def at(self, z: Complex, weights: Complex) -> Complex:
+        """Values psi of the representers at points (n,), times the weights (n, C), (T, n)."""
+        found = np.zeros((len(self.gram), z.size), complex)
+        for R, own in zip(self.coefficients, weights.T, strict=True):
+            found += own * (R @ np.vander(z, R.shape[1], increasing=True).T)
+        return found
+
+    def of_entry(self, base: complex, component: int) -> Complex:
+        """Values psi of the representers at one point, for a component, (T,)."""
+        R = self.coefficients[component]
+        return np.asarray(R @ np.vander(np.array([base]), R.shape[1], increasing=True)[0], dtype=complex)
+
+
+def seen_rows(samples: Samples, numbers: NDArray[np.intp], measure: Measure) -> SeenRows:
+    """Samples of records with negative numbers, as `Sides` has them."""
+    import scipy.signal  # half of the time that importing this room took
+
+    found: list[Real] = []
+    for U in samples.blocks:
+        turned = scipy.signal.lfilter(*measure.as_filter, U[numbers, ::-1], axis=1)
+        found.append(np.asarray(turned, dtype=float)[:, ::-1])
+    return SeenRows(found, np.asarray(sum(R @ R.T for R in found), dtype=float))
+
+
 def class_bound(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Complex, turns: Complex) -> Real:
     """K |r|, rounding included, (B, M)."""
-    samples = sides.samples
+    samples, rows = sides.samples, points[points < 0]
+    points, c, of_rows = points[points >= 0], c[:, :, points >= 0], c[:, :, points < 0].real
     z, w = samples.nodes[points], samples.weights[points]
     plain, twice = kernels(z, w, z, w)
     measures = [Measure(b) for b in targets.base.tolist()]
     h = np.array([one.outer(z) for one in measures]).reshape(len(measures), points.size)
     at = np.array([complex(one.outer(np.array(one.base))) for one in measures])
     u, tau = c * h[:, None, :], (targets.weight * at)[:, None] * turns  # (B, M, n), (B, M)
-    rows = u.reshape(-1, points.size)
-    square = ((rows @ plain) * rows.conj() + (rows @ twice) * rows).real.sum(axis=1).reshape(tau.shape)
-    b, w = targets.base[:, None], w[:, samples.target]
-    onto, other = w.conj() / (1 - b * z.conj()), w / (1 - b * z)  # (B, n)
+    every = u.reshape(-1, points.size)
+    square = ((every @ plain) * every.conj() + (every @ twice) * every).real.sum(axis=1).reshape(tau.shape)
+    b, own_weight = targets.base[:, None], w[:, samples.target]
+    onto, other = own_weight.conj() / (1 - b * z.conj()), own_weight / (1 - b * z)  # (B, n)
     square -= 2 * (tau * ((u.conj() @ onto[:, :, None]) + (u @ other[:, :, None]))[:, :, 0]).real
     own = np.abs(tau) ** 2 / (1 - np.abs(b) ** 2)
     square += own + (tau**2 / (1 - b**2)).real
     sizes = np.sqrt(own) + np.abs(u) @ np.sqrt(np.einsum("nn->n", plain).real)
+    terms = points.size
+    if rows.size:
+        terms += rows.size + samples.blocks[0].shape[1]
+        for k, measure in enumerate(measures):
+            seen = seen_rows(samples, rows, measure)
+            beside = (u[k] @ seen.at(z, w).T - tau[k][:, None] * seen.of_entry(measure.base, samples.target)).real
+            square[k] += 4 * (of_rows[k] * beside).sum(axis=1) + 2 * ((of_rows[k] @ seen.gram) * of_rows[k]).sum(axis=1)
+            sizes[k] += np.abs(of_rows[k]) @ np.sqrt(np.diag(seen.gram))
     inside = float(samples.problem.region.inside(np.append(np.abs(samples.angles), 0.0)).min())
     inside = min(inside, float((1 - np.abs(targets.base) ** 2).min(initial=1.0)))
-    rounding = (8 * points.size + 128 + 128 / inside) * _EPS
+    rounding = (8 * terms + 128 + 128 / inside) * _EPS
     return np.sqrt(np.maximum(square, 0.0) / 2 + rounding * sizes**2)
 
 
@@ -295,5 +369,5 @@ def directed_fit(sides: Sides, points: NDArray[np.intp], c: NDArray[np.complexfl
     fits = c.ndim == 3 and points.ndim == 2 and (len(points), len(c)) == (count, count) and c.shape[1] >= 3
     if not (fits and c.shape[2] == points.shape[1] and np.all(np.isfinite(c))):
         return False
-    inside = not points.size or (points.min() >= 0 and points.max() < sides.half)
+    inside = not points.size or (points.min() >= -sides.samples.rows and points.max() < sides.half)
     return bool(inside and np.all(np.diff(np.sort(points, axis=1), axis=1) > 0))

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Complex, Real
 from robustid.guarantees.linear.certificate import Targets, targets_at
-from robustid.guarantees.linear.directed import DirectedBand, Measure, Sides, directions, kernels, supports
+from robustid.guarantees.linear.directed import (
+    DirectedBand,
+    Measure,
+    SeenRows,
+    Sides,
+    directions,
+    kernels,
+    seen_rows,
+    supports,
+)
+from robustid.guarantees.linear.further_points import further_points
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, smallest_discs
 from robustid.guarantees.linear.smoothed import Norms, Smoothed
 
@@ -21,6 +31,8 @@ _SIDES = 16  # directions
 _LEVELS = np.geomspace(2, 0.01, 12).tolist()
 # The nearest lines, others ever farther apart, some that are spread over all of them, and the nearest polygons.
 _POINTS, _FARTHER, _SPREAD, _NODES = 3, 21, 4, 8
+_FIRST_ROWS, _SPREAD_ROWS = 8, 16  # samples of records
+_EXCHANGES = 2  # rounds in which they, and lines, become others
 _PAYS = 0.998  # of a radius: multipliers with polygons are taken where they are below, and sought farther on
 _FUNCTIONS = 12  # of the class, of each of which it is weighed what is missed; of the others together
 _FEWEST = 24  # angles, where the time is short, and after which it is seen
@@ -193,10 +205,10 @@ class DirectedSearch:
 
     @functools.cached_property
     def _ellipses(self) -> tuple[Complex, Real]:
-        """Centres (half,) and shapes E (half, 2, 2) of ellipses around what is known at every point: Re(c m) + sqrt(g'Eg)."""
+        """Centres (N,) and shapes E (N, 2, 2) of ellipses around what is known at points and in rows: Re(c m) + sqrt(g'Eg)."""
         sides, samples = self.sides, self.sides.samples
-        centre = samples.y[: sides.half] - samples.values[: sides.half] @ self._centres
-        E = (samples.bound[: sides.half] + sides.left_out)[:, None, None] ** 2 * np.eye(2)
+        centre = sides.y - sides.values @ self._centres
+        E = (sides.bound + sides.left_out)[:, None, None] ** 2 * np.eye(2)
         for k, corners in enumerate(sides.corners, sides.first_node):
             middle, shape = smallest_ellipse(corners)
             centre[k] += middle - samples.y[k]
@@ -208,17 +220,26 @@ class DirectedSearch:
         return self.sides.extraction.known.coefficients(self.sides.samples)[0]
 
     def nearest(self, base: complex) -> NDArray[np.intp]:
-        """Numbers of the points for a target, rising: the nearest lines, others ever farther apart, some of all, nodes.
+        """Numbers of the points for a target, rising: the nearest lines, others ever farther apart, some of all, nodes; and rows.
 
         By the hyperbolic distance. Those that are spread over all lines matter to targets beyond them.
         """
         lines = self._away(base)
-        if lines.size <= _POINTS + _FARTHER + _SPREAD:
-            return np.sort(np.concatenate([lines, self.nearest_nodes(base)]))
-        others = lines[~np.isin(lines, self._spread)]
-        far = np.geomspace(_POINTS, others.size, _FARTHER + 1)[:-1].astype(int)
-        near = others[np.unique(np.concatenate([np.arange(_POINTS), far]))]
-        return np.sort(np.concatenate([near, self._spread, self.nearest_nodes(base)]))
+        if lines.size > _POINTS + _FARTHER + _SPREAD:
+            others = lines[~np.isin(lines, self._spread)]
+            far = np.geomspace(_POINTS, others.size, _FARTHER + 1)[:-1].astype(int)
+            near = others[np.unique(np.concatenate([np.arange(_POINTS), far]))]
+            lines = np.concatenate([near, self._spread])
+        return np.sort(np.concatenate([self._few_rows, lines, self.nearest_nodes(base)]))
+
+    @functools.cached_property
+    def _few_rows(self) -> NDArray[np.intp]:
+        """Numbers of samples of records: the first ones, which see the class most, and some that are spread over all of them."""
+        count = self.sides.samples.rows
+        if count <= _FIRST_ROWS + _SPREAD_ROWS:
+            return np.arange(-count, 0)
+        spread = np.linspace(_FIRST_ROWS, count - 1, _SPREAD_ROWS).round().astype(int)
+        return np.unique(np.concatenate([np.arange(_FIRST_ROWS), spread])) - count
 
     def nearest_nodes(self, base: complex) -> NDArray[np.intp]:
         """Numbers of the nearest polygons."""
@@ -244,9 +265,18 @@ class DirectedSearch:
         return lines[np.unique((part * (lines.size - 1)).round().astype(int))]
 
     def at(self, target: Targets) -> Directed:
-        """The nearest points for one target, with multipliers and bounds."""
-        points = self.nearest(complex(target.base[0]))
-        return points, *self.search(target, points)
+        """The nearest points for one target, with multipliers and bounds; beside records others that gain more."""
+        base = complex(target.base[0])
+        points = self.nearest(base)
+        c, bounds = self.search(target, points)
+        lines, every = int(np.sum((points >= 0) & (points < self.sides.first_node))), [(points, c, bounds)]
+        for _ in range(_EXCHANGES if self.sides.samples.rows else 0):
+            further = further_points(self.sides, target, points, c, self.turns, lines)
+            others = np.concatenate([further, self.nearest_nodes(base)])
+            points, (c, bounds) = others, self.search(target, others, moved(points, c, others))
+            every.append((points, c, bounds))
+        radius = smallest_discs(corners_of_supports(np.array([bounds for *_, bounds in every])))[1]
+        return every[int(np.argmin(np.where(np.isnan(radius), np.inf, radius)))]
 
     def search(self, target: Targets, points: NDArray[np.intp], start: Complex | None = None) -> tuple[Complex, Real]:
         """Multipliers (M, n) of points for one target, and bounds (M,): the best of the last ones; from a start in fewer steps."""
@@ -263,7 +293,7 @@ class DirectedSearch:
             except np.linalg.LinAlgError:  # a singular one of the stack: what is best so far stays
                 break
             if step >= len(levels) - _LAST:
-                tried.append((x[:, :n] + 1j * x[:, n:]).astype(np.complex64).astype(complex))
+                tried.append((x[:, :n] + 1j * (points >= 0) * x[:, n:]).astype(np.complex64).astype(complex))
         if not tried:
             return np.zeros((self.turns.size, n), complex), np.full(self.turns.size, np.inf)
         total = supports(sides, target, points, np.concatenate(tried)[None], np.tile(self.turns, len(tried)))
@@ -273,23 +303,40 @@ class DirectedSearch:
 
     def _norms(self, target: Targets, points: NDArray[np.intp]) -> tuple[Real, Real, Real]:
         """|r|^2 = square - 2 cross x + x'Qx in x = (Re c, Im c): (2n, 2n), (M, 2n), (M,)."""
-        samples, base = self.sides.samples, complex(target.base[0])
-        z, w, measure = samples.nodes[points], samples.weights[points], Measure(base)
+        samples, base, measure = self.sides.samples, complex(target.base[0]), Measure(complex(target.base[0]))
+        rows, points = points[points < 0], points[points >= 0]
+        z, w = samples.nodes[points], samples.weights[points]
         h, at = measure.outer(z), complex(measure.outer(np.array(base)))
         A, B = (one * h[:, None] for one in kernels(z, w, z, w))
         A, B = A * h.conj(), B * h
         Q = np.block([[A.real + B.real, A.imag - B.imag], [-A.imag - B.imag, A.real - B.real]]) / 2
-        w, tau = w[:, samples.target], (target.weight[0] * at * self.turns)[:, None]
-        onto, other = tau * (h * w).conj() / (1 - base * z.conj()), tau * h * w / (1 - base * z)
+        own, tau = w[:, samples.target], (target.weight[0] * at * self.turns)[:, None]
+        onto, other = tau * (h * own).conj() / (1 - base * z.conj()), tau * h * own / (1 - base * z)
         cross = np.concatenate([(onto + other).real, (onto - other).imag], axis=1) / 2
         square = np.abs(tau) ** 2 / (1 - abs(base) ** 2) + (tau**2 / (1 - base**2)).real
+        if rows.size:
+            Q, cross = self._with_rows(seen_rows(samples, rows, measure), Q, cross, (z, w * h[:, None]), (base, tau))
         return Q, cross, np.maximum(square[:, 0] / 2, 1e-300)
+
+    def _with_rows(
+        self, seen: SeenRows, Q: Real, cross: Real, at_points: tuple[Complex, Complex], target: tuple[complex, Complex]
+    ) -> tuple[Real, Real]:
+        """The same with the real parts of the multipliers of rows, which stand before those of the points."""
+        samples, (base, tau), T = self.sides.samples, target, len(seen.gram)
+        onto, n = seen.at(*at_points), len(Q) // 2
+        at_target = (tau * seen.of_entry(base, samples.target)).real  # (M, T)
+        order = np.concatenate([np.arange(T), 2 * T + np.arange(n), T + np.arange(T), 2 * T + n + np.arange(n)])
+        beside = np.concatenate([onto.real, -onto.imag], axis=1)
+        none = np.zeros((T, T))
+        every = np.block([[seen.gram, none, beside], [none, none, 0 * beside], [beside.T, 0 * beside.T, Q]])
+        crossed = np.concatenate([at_target, 0 * at_target, cross], axis=1)
+        return every[np.ix_(order, order)], crossed[:, order]
 
     def _rows(self, target: Targets, points: NDArray[np.intp]) -> tuple[Real, Real]:
         """Rows J (2k, 2n) and values (M, 2k) of real and then imaginary parts of what is missed of the functions, times radii."""
         sides, (own, twin) = self.sides, self.sides.twins
         radius = sides.extraction.known.coefficients(sides.samples)[1]
-        V, wanted = sides.samples.values[points].T, self.turns[:, None] * target.values[0]
+        V, wanted = sides.values[points].T, self.turns[:, None] * target.values[0]
         real, imaginary = np.concatenate([V.real, -V.imag], axis=1), np.concatenate([V.imag, V.real], axis=1)
         T = [wanted.real, wanted.imag]
         for rows, sign, values in ((real, 1, T[0]), (imaginary, -1, T[1])):
@@ -311,6 +358,14 @@ def _grouped(J: Real, wanted: Real) -> tuple[tuple[Real, Real], list[Norms]]:
     large, small = (np.concatenate([part, part + count]) for part in (order[:_FUNCTIONS], order[_FUNCTIONS:]))
     A, b = J[small] * np.sqrt(count - _FUNCTIONS), wanted[:, small] * np.sqrt(count - _FUNCTIONS)
     return (J[large], wanted[:, large]), [(A.T @ A, b @ A, (b**2).sum(axis=1))]
+
+
+def moved(points: NDArray[np.intp], c: NDArray[np.complexfloating], others: NDArray[np.intp]) -> Complex:
+    """Multipliers (M, n) of points (n,) for others, (M, k): 0 for those that are new."""
+    start = np.zeros((len(c), others.size), complex)
+    _, here, there = np.intersect1d(others, points, assume_unique=True, return_indices=True)
+    start[:, here] = c[:, there]
+    return start
 
 
 def smallest_ellipse(points: Complex) -> tuple[complex, Real]:

@@ -50,19 +50,20 @@ class _Knot:
     def __init__(self, sums: Sums, band: DirectedBand, target: Targets, k: int) -> None:
         self.sums, self.band, self.target, flint = sums, band, target, sums.flint
         number, samples = sums.number, band.samples
-        self.points = band.points[k]
-        self.c, n = band.multipliers[k].astype(complex), self.points.size
-        base = number(complex(target.base[0]))
+        self.numbers, self.c = band.points[k], band.multipliers[k].astype(complex)
+        points = self.numbers[self.numbers >= 0]
+        n, self.base, base = points.size, number(complex(target.base[0])), number(complex(target.base[0]))
         a, one = (base * base.conjugate()).real, flint.arb(1)
         root = ((one - a) ** 2 + 4 * base.imag**2).sqrt() / (one + a)
         zero = 2 * base.real / (one + a) / (one + root)
         level = ((one - a) * (one + a) / (one + zero**2)).sqrt()
+        self.filter = (1 / level, -2 * base.real / level, a / level), zero
 
         def outer(x: acb) -> acb:
             return (1 - base * x) * (1 - base.conjugate() * x) / ((1 - zero * x) * level)
 
-        z = [sums.nodes[p] for p in self.points.tolist()]
-        w = [[number(v) for v in row] for row in samples.weights[self.points].tolist()]
+        self.z = z = [sums.nodes[p] for p in points.tolist()]
+        self.w = w = [[number(v) for v in row] for row in samples.weights[points].tolist()]
         self.h, self.at = [outer(x) for x in z], outer(base) * number(complex(target.weight[0]))
 
         def gram(twice: bool) -> list[acb]:
@@ -84,9 +85,11 @@ class _Knot:
         """The bound in direction k."""
         flint, number, turn = self.sums.flint, self.sums.number, self.sums.number(complex(self.band.turns[k]))
         c = [number(one) for one in self.c[k].tolist()]
-        return self._class(turn, c) + self._functions(turn, c) + self._samples(c) + flint.arb(0)
+        of_points = [one for one, point in zip(c, self.numbers.tolist(), strict=True) if point >= 0]
+        of_rows = {point: one.real for one, point in zip(c, self.numbers.tolist(), strict=True) if point < 0}
+        return self._class(turn, of_points, of_rows) + self._functions(turn, c) + self._samples(c) + flint.arb(0)
 
-    def _class(self, turn: acb, c: list[acb]) -> arb:
+    def _class(self, turn: acb, c: list[acb], of_rows: dict[int, arb]) -> arb:
         flint, n = self.sums.flint, len(c)
         u, tau = [one * h for one, h in zip(c, self.h, strict=True)], turn * self.at
         plain, twice = (flint.acb_mat(1, n, u) * gram for gram in self.grams)
@@ -94,14 +97,35 @@ class _Knot:
         crossed = [(tau * (v.conjugate() * a + v * b)).real for v, a, b in zip(u, self.onto, self.other, strict=True)]
         square = sum(own, flint.arb(0)) - 2 * sum(crossed, flint.arb(0))
         square += (tau * tau.conjugate()).real * self.norm + (tau * tau * self.twice).real
+        if of_rows:
+            square += self._with_rows(tau, u, of_rows)
         top = (square / 2).upper()
         return top.sqrt() if top > 0 else flint.arb(0)
+
+    def _with_rows(self, tau: acb, u: list[acb], of_rows: dict[int, arb]) -> arb:
+        """The part of the square that samples of records add: their sum is a polynomial in every component."""
+        flint, samples, ((b0, b1, b2), zero) = self.sums.flint, self.band.samples, self.filter
+        found = flint.arb(0)
+        for component, U in enumerate(samples.blocks):
+            total = [sum((c * float(U[row, k]) for row, c in of_rows.items()), flint.arb(0)) for k in range(U.shape[1])]
+            total += [flint.arb(0), flint.arb(0)]
+            seen, last = [flint.arb(0)][:0], flint.arb(0)
+            for k in reversed(range(U.shape[1])):
+                last = b0 * total[k] + b1 * total[k + 1] + b2 * total[k + 2] + zero * last
+                seen.append(last)
+            polynomial = flint.acb_poly([flint.acb(one) for one in reversed(seen)])
+            found += 2 * sum((one * one for one in seen), flint.arb(0))
+            at_points = (v * w[component] * polynomial(z) for v, w, z in zip(u, self.w, self.z, strict=True))
+            found += 4 * sum(at_points, flint.acb(0)).real
+            if component == samples.target:
+                found -= 4 * (tau * polynomial(self.base)).real
+        return found
 
     def _functions(self, turn: acb, c: list[acb]) -> arb:
         flint, sums, sides, samples = self.sums.flint, self.sums, self.band.sides, self.band.samples
         known = self.band.extraction.known
         missed: list[acb] = []
-        for column, wanted in zip(samples.values[self.points].T.tolist(), self.target.values[0].tolist(), strict=True):
+        for column, wanted in zip(sides.values[self.numbers].T.tolist(), self.target.values[0].tolist(), strict=True):
             each = (one * sums.number(v) for one, v in zip(c, column, strict=True))
             missed.append(turn * sums.number(wanted) - sum(each, flint.acb(0)))
         largest = [abs(sums.number(q)) + r for q, r in zip(known.centre.tolist(), known.radius.tolist(), strict=True)]
@@ -119,16 +143,16 @@ class _Knot:
                 total += abs(both) * largest[g] * float(samples.powers[i])
         for g, most in enumerate(largest):
             total += most * float(self.target.left_out[0, g])
-            column = samples.left_out[self.points, g]
+            column = sides.left_out_each[self.numbers, g]
             total += most * sum((abs(c[j]) * float(column[j]) for j in np.flatnonzero(column).tolist()), flint.arb(0))
         return total
 
     def _samples(self, c: list[acb]) -> arb:
-        flint, number, sides, samples = self.sums.flint, self.sums.number, self.band.sides, self.band.samples
+        flint, number, sides = self.sums.flint, self.sums.number, self.band.sides
         total = flint.arb(0)
-        for point, one in zip(self.points.tolist(), c, strict=True):
+        for point, one in zip(self.numbers.tolist(), c, strict=True):
             if point < sides.first_node:
-                total += (one * number(complex(samples.y[point]))).real + abs(one) * float(samples.bound[point])
+                total += (one * number(complex(sides.y[point]))).real + abs(one) * float(sides.bound[point])
             else:
                 corners: Complex = np.unique(sides.corners[point - sides.first_node])
                 total += max((one * number(v)).real.upper() for v in corners.tolist())

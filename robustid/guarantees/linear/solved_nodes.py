@@ -70,9 +70,9 @@ def said(samples: Samples, nodes: Nodes) -> Nodes:
 
 
 def of_directions(band: EntryBand, budget: Budget) -> EntryBand | DirectedBand:
-    """The same entry by certificates of one direction each; itself beside samples of records, and where they do not pay."""
+    """The same entry by certificates of one direction each; itself where they do not pay."""
     samples, extraction = band.samples, band.extraction
-    if samples.rows or not np.all(np.isfinite(extraction.known.radius)):
+    if not np.all(np.isfinite(extraction.known.radius)):
         return band
     low, high = band.angles[[0, -1]].tolist()
     least = _APART * (high - low)
@@ -86,7 +86,7 @@ def joined_band(
     """The band with certificates over lines and nodes; those that are `directed`, or more, where no node has a smaller disc.
 
     Of one direction each, with the polygons of the nodes, from those of the lines on where they are known, which stand without
-    time. Where they aren't, and beside samples of records, those of all directions, with the discs of the nodes: sooner, and wider.
+    time. Where they aren't, those of all directions, with the discs of the nodes: sooner, and wider.
     """
     if isinstance(directed, DirectedBand) and (budget is None or budget.over):
         return directed  # a mixture with few polygons, in which nothing is searched, could be wider between them
@@ -98,7 +98,7 @@ def joined_band(
     if found is not None and np.all(np.isfinite(found.extraction.known.radius)):
         if isinstance(directed, DirectedBand) and budget is not None:
             return found.around(directed, budget)
-        alone = None if budget is None or band.samples.rows else found.directed(budget)
+        alone = None if budget is None else found.directed(budget)
         return found.band() if alone is None else alone
     if isinstance(directed, DirectedBand) and budget is not None and budget.seconds is not None:
         return searched_further(directed, _APART * float(np.ptp(band.angles)), budget)
