@@ -281,24 +281,6 @@ def test_a_chosen_gain_bound_that_all_samples_contradict_a_little_is_doubled():
     assert class_choice.with_larger_gain(reference, result) is None
 
 
-def test_a_class_is_no_smaller_for_bounds_that_are_multiplied():
-    """A class from bounds five times as wide would be smaller, and its band the narrower for the doubt."""
-    omega, known = np.linspace(0.05, 3.0, 12), rid.kautz(np.array([0.63]), np.array([0.02]), dt=1.0)
-    z, pole = np.exp(1j * omega), np.exp(0.63 * (1j * np.sqrt(1 - 0.02**2) - 0.02))
-    values = 0.2 / (z - pole) + 0.2 / (z - pole.conj()) + 0.3 / (z - 0.5)
-
-    def chosen(bound, factor):
-        frf = rid.FrequencyResponse(omega, values, bound=bound, dt=1.0)
-        problem = rid.MixedProblem(frequency=frf, parametric=known, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1))
-        run = RunFile().changed("identify", inflate=factor)
-        return class_choice.with_prior_and_wider(run, problem, Surroundings())[1]
-
-    as_measured, wider, direct = chosen(0.02, 1.0), chosen(0.02, 5.0), chosen(0.1, 1.0)
-    assert wider.prior == as_measured.prior
-    np.testing.assert_allclose(wider.frequency[0].bound.radius, 0.1)
-    assert direct.prior.gain_bound < 0.9 * as_measured.prior.gain_bound
-
-
 def test_a_class_that_stands_in_place_of_a_search_without_end_says_so():
     """An unfinished run would take it for the choice, and never go on with the search."""
     frf = rid.FrequencyResponse([50.0, 50.001, 60.0], [1.0, 1.5, 1.0], bound=0.01, dt=0.01)

@@ -164,7 +164,7 @@ def test_a_look_proves_a_band_over_the_box_until_a_mode_is_moved(tmp_path):
     for choice, words in (
         (one.start, "anywhere in their box"),
         (stiffer, "anywhere in their box"),
-        (moved, "as stated"),
+        (moved, "taken as exact"),
     ):
         found = glance(one, choice)
         assert (found.band.box is None) == (choice == moved)

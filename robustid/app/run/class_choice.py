@@ -201,21 +201,6 @@ def with_prior(
     return _with_choice(run, problem.prior, source, note, curve=found.table), problem
 
 
-def with_prior_and_wider(
-    run: RunFile, problem: MixedProblem, around: Surroundings, *, reference: bool = True, delay: int | None = None
-) -> tuple[RunFile, MixedProblem]:
-    """The same of a problem whose bounds are then multiplied: the class is that of the bounds as they were, where one says a thing.
-
-    Wider bounds are no reason for a smaller class: its band would be the narrower for what is doubted.
-    """
-    wider = inflated_problem(problem, run)
-    if run.identify.inflate != 1 and not run.prior.is_stated:
-        found, narrow = with_prior(run, problem, around, reference=reference, delay=delay)
-        if found.prior.source is Source.DATA:
-            return found, dataclasses.replace(wider, prior=narrow.prior, parametric=narrow.parametric)
-    return with_prior(run, wider, around, reference=reference, delay=delay)
-
-
 def _with_choice(run: RunFile, prior: Prior, source: Source, note: str, curve: str | None = None) -> RunFile:
     """The run file with a prior that was chosen."""
     return dataclasses.replace(run, prior=PriorChoice.of(prior, note, run.prior, source=source, curve=curve))

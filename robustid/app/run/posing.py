@@ -17,7 +17,7 @@ from robustid.app.run.class_choice import (
     inflated_problem,
     placeholder,
     with_inflation,
-    with_prior_and_wider,
+    with_prior,
     with_step,
 )
 from robustid.app.run.class_settings import PriorChoice
@@ -96,9 +96,10 @@ def _posed(
     data = with_faults(run, with_questions(run, data, asked, around), around)
     run, problem, left = told_apart(run, data, asked)
     run = with_inflation(run, problem, around)
+    problem = inflated_problem(problem, run)
     folder.choices(run)
     free = run
-    run, problem = with_prior_and_wider(run, problem, around, reference=reference, delay=asked.delay)
+    run, problem = with_prior(run, problem, around, reference=reference, delay=asked.delay)
     if not free.prior.is_stated and run.frequency_points.every == 1:
         fewer = _fewer_points(free, run, problem, data, asked, around, reference)
         run, problem, left = fewer or (run, problem, left)
@@ -131,8 +132,8 @@ def _fewer_points(
     late = f"margin and model of all frequency points (one of {every} is used, the others test the result)"
     if every > least and not run.prior.is_from_data:
         found, fewer, left = told_apart(with_step(run, every, TOO_SLOW), data, asked)
-        found = dataclasses.replace(found, prior=free.prior)
-        found, fewer = with_prior_and_wider(found, fewer, around, reference=reference, delay=asked.delay)
+        found, fewer = dataclasses.replace(found, prior=free.prior), inflated_problem(fewer, found)
+        found, fewer = with_prior(found, fewer, around, reference=reference, delay=asked.delay)
         if found.prior.is_from_data:
             around.ended_early(late)
             return with_step(found, every, TOO_SLOW), fewer, left
