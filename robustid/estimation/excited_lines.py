@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Complex, Real, as_array
+from robustid.core import Array, Complex, Real, as_array
 from robustid.errors import InputError
 
 _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, and the bound says how much it knows
@@ -120,7 +118,7 @@ def _smooth(x: Complex) -> NDArray[np.bool_]:
     return np.all(np.sum(left**2, axis=(0, 4)) <= _SMOOTH**2 * np.sum(windows**2, axis=(0, 4)), axis=0)
 
 
-def _mirrored(values: NDArray[Any], more: int) -> NDArray[Any]:
+def _mirrored(values: Array, more: int) -> Array:
     """Values (..., K, n) with so many of negative frequencies, and of those beyond the last line."""
     return np.pad(values, [(0, 0)] * (values.ndim - 2) + [(more, more), (0, 0)], mode="reflect")
 
