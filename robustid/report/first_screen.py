@@ -181,8 +181,7 @@ def _next(
     if contradicted:
         return [Text("Take the withheld data into the identification, or allow for more: see “Withheld data”.")]
     if band is not None and band.bounded.any():
-        upper = np.where(band.bounded, band.sigma_upper, -1.0)
-        where = in_hz(band.omega[int(np.argmax(upper))] / HZ)
+        where = in_hz(largest_error(band).omega / HZ)
         narrower = f"The error is largest near {where}: a frequency point or a smaller bound there helps first."
         if band.open_ranges:
             narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."
