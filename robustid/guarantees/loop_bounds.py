@@ -359,8 +359,7 @@ def _without_controller(band: Band, controller: object) -> Loop:
     if controller is None:
         raise InputError("`controller` is missing: of a plant in open loop give the one that is to be tried")
     entries = band.problem.entries
-    nothing = np.zeros((entries.inputs, entries.outputs))
-    return Loop(control.StateSpace([], [], [], nothing, band.problem.dt or 0.0))
+    return Loop(control.StateSpace([], [], [], np.zeros((entries.inputs, entries.outputs)), band.problem.dt or 0.0))
 
 
 def _nominal(band: Band) -> control.StateSpace:

@@ -1,12 +1,14 @@
 """Forgeries of what was saved, and of the polygons of a set of values."""
 
 import dataclasses
+import functools
 import json
 
 import numpy as np
 
 import robustid as rid
 from robustid.core import digest
+from robustid.guarantees.linear.directed import DirectedBand
 
 
 def kept(thing, path):
@@ -44,3 +46,14 @@ def lower(name, by=1e-6):
 
 def scaled(name, by):
     return lambda arrays: {name: arrays[name] * by}
+
+
+def with_lower_sides(band):
+    """A band of directions that states sides lower than its multipliers prove, by a millionth of the largest."""
+
+    class Lower(DirectedBand):
+        @functools.cached_property
+        def knot_supports(self):
+            return band.knot_supports - 1e-6 * np.abs(band.knot_supports).max()
+
+    return Lower(band.sides, band.angles, band.points, band.multipliers)

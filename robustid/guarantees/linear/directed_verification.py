@@ -109,7 +109,7 @@ class _Knot:
         for component, U in enumerate(samples.blocks):
             total = [sum((c * float(U[row, k]) for row, c in of_rows.items()), flint.arb(0)) for k in range(U.shape[1])]
             total += [flint.arb(0), flint.arb(0)]
-            seen, last = [flint.arb(0)][:0], flint.arb(0)
+            last, seen = flint.arb(0), list["arb"]()
             for k in reversed(range(U.shape[1])):
                 last = b0 * total[k] + b1 * total[k + 1] + b2 * total[k + 2] + zero * last
                 seen.append(last)

@@ -20,7 +20,7 @@ from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.linear.directed_verification import holds_exactly
 from robustid.guarantees.linear.polygon_discs import corners_of_supports, hull, smallest_discs
 from support.edge_bands import edge_plant
-from support.forging import arrays_of, forge, kept
+from support.forging import arrays_of, forge, kept, with_lower_sides
 from support.halvings import arcs_halved
 from support.refusals import refused
 
@@ -179,14 +179,8 @@ def test_sides_hold_in_ball_arithmetic_and_lower_ones_do_not(kind):
     _, _, found = joined(*QUICK[kind == "continuous"])
     one = sides_of(found)[0]
     few = dataclasses.replace(one, angles=one.angles[::12], points=one.points[::12], multipliers=one.multipliers[::12])
-
-    class Lower(DirectedBand):
-        @functools.cached_property
-        def knot_supports(self):
-            return few.knot_supports - 1e-6 * np.abs(few.knot_supports).max()
-
     assert holds_exactly(few)
-    assert not holds_exactly(Lower(few.sides, few.angles, few.points, few.multipliers))
+    assert not holds_exactly(with_lower_sides(few))
 
 
 def test_without_time_the_discs_around_the_polygons_stand():

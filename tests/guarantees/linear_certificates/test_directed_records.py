@@ -16,7 +16,7 @@ from robustid.guarantees.linear.directed import DirectedBand, Measure, Sides, cl
 from robustid.guarantees.linear.directed_search import DirectedSearch
 from robustid.guarantees.linear.directed_verification import holds_exactly
 from support.edge_bands import edge_plant
-from support.forging import arrays_of, forge, kept
+from support.forging import arrays_of, forge, kept, with_lower_sides
 from support.halvings import arcs_halved
 from support.refusals import refused
 
@@ -155,14 +155,8 @@ def test_sides_hold_in_ball_arithmetic_and_lower_ones_do_not(kind):
     one = sides_of(found)[0]
     few = dataclasses.replace(one, angles=one.angles[::30], points=one.points[::30], multipliers=one.multipliers[::30])
     assert np.any((few.points < 0) & (np.abs(few.multipliers).max(axis=1) > 0))
-
-    class Lower(DirectedBand):
-        @functools.cached_property
-        def knot_supports(self):
-            return few.knot_supports - 1e-6 * np.abs(few.knot_supports).max()
-
     assert holds_exactly(few)
-    assert not holds_exactly(Lower(few.sides, few.angles, few.points, few.multipliers))
+    assert not holds_exactly(with_lower_sides(few))
 
 
 def test_it_comes_back_from_its_files_and_samples_that_no_record_has_are_refused(tmp_path):
