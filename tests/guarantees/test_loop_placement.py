@@ -28,6 +28,7 @@ def test_peaks_and_margins_are_those_of_polygons_at_every_frequency():
     assert few.margins.phase >= 0.98 * every.margins.phase
 
 
+@pytest.mark.slow
 def test_a_peak_is_bound_by_frequencies_with_polygons_in_the_end():
     loop, _, band, found, refined = measured()
     around = loop.about(StateMatrices.of(band.model), None)

@@ -110,6 +110,7 @@ def test_what_the_expansion_leaves_out_between_frequencies_is_the_largest_inside
         )  # a pole, its conjugate and the other mode are nearest at different frequencies
 
 
+@pytest.mark.slow
 def test_a_matrix_with_common_poles():
     problem, box = plant(3, points=8, size=2)
     result, grid = rid.identify(problem).require(), np.array([5.0])

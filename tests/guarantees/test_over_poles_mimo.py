@@ -107,7 +107,8 @@ def test_the_time_ends_the_search_and_the_sweep():
     assert band.certified
 
 
-@pytest.mark.parametrize("directions", [3, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("directions", [3, 6])
 def test_entries_of_which_no_system_was_found_count_with_their_bounds(directions):
     """The set of a wide cell is too thin for a system: the truth is inside, and nothing overflows where both entries are sought."""
     plant = edge_plant("record of two inputs", 3)

@@ -245,6 +245,7 @@ def test_where_the_response_is_real_two_sides_close_the_polygon(tmp_path):
     np.testing.assert_array_equal(rid.load(tmp_path / "box").upper, found.upper)
 
 
+@pytest.mark.slow
 def test_beside_a_record_sums_over_lines_prove_the_polygons(tmp_path):
     """The samples of a record help to bound the amplitudes, and stand in the sums."""
     plain, rng = identified(bound=SMALL).problem, np.random.default_rng(0)

@@ -51,6 +51,7 @@ def test_round_trip_is_exact_and_verifies_again(case, form, tmp_path):
     assert len(list(again.claims())) == 6 + 2 * error.parameters.lower.size
 
 
+@pytest.mark.slow
 def test_another_nominal_and_the_bound_on_the_circle_survive(computed, tmp_path):
     small = rid.balanced_truncation(computed.identification.model, order=4).model
     error = computed.with_model(small)

@@ -149,11 +149,11 @@ def test_a_search_between_polygons_looks_at_its_time_at_every_step(ticking, monk
     single = rid.FrequencyResponse(frf.omega, frf.values[:, 0, 0], bound=frf.bound.outer_radius[:, 0, 0], dt=DT)
     result = rid.identify(dataclasses.replace(PROBLEM, frequency=single))
     plain, error = rid.band(result, knots=20), rid.worst_case_error(result, omega=OMEGA[[3, 8]], directions=4)
-    counts, limits = [], (1.0, 60.0, 120.0)
+    counts, limits = [], (1.0, 60.0)
     for limit in limits:
         steps.clear()
         found = plain.between(error, Budget(limit))
         centre, radius = found.at(OMEGA)
         assert np.all(np.abs(truth(OMEGA)[:, 0, 0] - centre[:, 0, 0]) <= radius[:, 0, 0])
         counts.append(len(steps))
-    assert counts[0] == 0 < counts[1] < 60 < counts[2] < 120
+    assert counts[0] == 0 < counts[1] < 60
