@@ -229,7 +229,8 @@ def save(
         Of a result NAME, for NAME.npz (numbers) and NAME.json (everything else, readable), both or none. Of measurements ``.npz``;
         ``.csv`` with 17 digits: a first line ``# robustid {...}`` that describes it, column names, numbers; or ``.mat`` (v5): plain
         arrays of the same names, frequency or time first, `dt` (0 for continuous time) and the names of the signals. Of an
-        excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D and dt (0 for continuous time).
+        excitation ``.csv`` or ``.npz``, of a model ``.npz`` or ``.mat`` with A, B, C, D, dt (0 for continuous time) and ``inputs``
+        and ``outputs``, the names and units of its signals.
         For others' programs, of a model: a MATLAB script (``.m``), JSON (``.json``), a C header in double and single precision
         (``.h``, discrete), second-order sections (``.sos``, discrete) and zeros, poles and gain in Hz (``.zpk``, continuous) of one
         input and output, a table of its poles (``.csv``); of a controller C with output limits and anti-windup (``.c``, with its

@@ -29,7 +29,7 @@ from robustid.core.frozen import Frozen, freeze
 from robustid.core.hertz import hz_scale, hz_span, hz_words
 from robustid.core.kept import kept_by_content
 from robustid.core.least_squares import DampedSteps, Projection, decoupled_parts, lengths, projected, singular_parts
-from robustid.core.models import as_state_space, model_of
+from robustid.core.models import as_state_space, labels_of, model_of, numbered
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import (
     Budget,
@@ -155,6 +155,7 @@ __all__ = [
     "is_well_posed",
     "keep",
     "kept_by_content",
+    "labels_of",
     "left_quotient",
     "lengths",
     "load_saved",
@@ -166,6 +167,7 @@ __all__ = [
     "normalised_factors",
     "normalising_feedback",
     "norms",
+    "numbered",
     "one_thread",
     "open_to_users",
     "part",

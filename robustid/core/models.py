@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from robustid.core.frozen import Frozen
+from robustid.core.validation import Signal
 from robustid.errors import InputError
 
 
@@ -24,6 +26,16 @@ def as_state_space(name: str, model: Any) -> Any:
         found = _proper(name, model.to_ss)
         return control.ss(found.A, found.B, found.C, found.D, 0 if found.dt is None else found.dt)
     return model
+
+
+def labels_of(signals: Sequence[Signal], letter: str) -> list[str]:
+    """Names and units of signals as labels that `control` takes: not empty, and without dots."""
+    return [str(Signal(name.replace(".", "_") or letter, unit.replace(".", "·"))) for name, unit in signals]
+
+
+def numbered(labels: list[str], letter: str) -> bool:
+    """Return whether labels are those that `control` gives to signals without names."""
+    return labels == [f"{letter}[{k}]" for k in range(len(labels))]
 
 
 def model_of(thing: Any) -> Any:

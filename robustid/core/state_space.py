@@ -64,11 +64,11 @@ class StateMatrices(NamedTuple):
         A, B, C, D = (np.asarray(part, dtype=float) for part in (model.A, model.B, model.C, model.D))
         return cls(A, B, C, D)
 
-    def model(self, dt: float) -> Model:
-        """The model with a sample time in s, 0 in continuous time."""
+    def model(self, dt: float, **labels: list[str]) -> Model:
+        """The model with a sample time in s, 0 in continuous time, and labels of its inputs and outputs."""
         import control
 
-        return control.ss(*self, dt)
+        return control.ss(*self, dt, **labels)
 
     def transposed(self) -> StateMatrices:
         """The realisation of the transposed response."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, as_flag, as_float, as_positive, as_signals, freeze, hz_span
+from robustid.core import as_array, as_flag, as_float, as_positive, as_signals, freeze, hz_span, numbered
 from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
@@ -369,7 +369,7 @@ class FrequencyResponse(ResponseParts, Drawable):
                 raise InputError("`frd` is of discrete time without a sample time; give `dt` in s")
             options["dt"] = frd.dt or None
         for side, labels, letter in (("inputs", frd.input_labels, "u"), ("outputs", frd.output_labels, "y")):
-            if labels != [f"{letter}[{k}]" for k in range(len(labels))]:
+            if not numbered(labels, letter):
                 options.setdefault(side, labels)
         return cls(frd.omega, np.moveaxis(frd.frdata, -1, 0), **options)
 

@@ -21,6 +21,9 @@ _COPY = 1 - 1e-6
 _PEAKED = 30.0  # fourth moment over squared variance, from which on a signal is a few steps or pulses
 _CONTINUED = 1e-3  # what is new in an input, in part of it, below which it is its own continuation
 _EXACT = 1e-4  # part of an input that the output leaves unexplained, where a controller computes it
+_ORDER = 4  # of such a controller, or of a plant without noise
+_ROUNDING = 1e-6  # part of an output that a plant without noise leaves, with the digits of a file
+_AT_ONE = 1e-3  # distance from 1 of a zero that is there
 
 
 def feedback_faults(record: TimeRecord) -> list[Fault]:
@@ -38,17 +41,17 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
         for y, other in zip(record.y.T, record.outputs, strict=True):
             if np.ptp(u) == 0 or np.ptp(y) == 0:
                 continue
-            u, y = ((x - x.mean()) / np.ptp(x) for x in (u, y))
+            e, z = ((x - x.mean()) / np.ptp(x) for x in (u, y))
             pair = f"input {name.name} and output {other.name}"
-            if float(u @ y) > _COPY * float(np.linalg.norm(u) * np.linalg.norm(y)):
+            if float(e @ z) > _COPY * float(np.linalg.norm(e) * np.linalg.norm(z)):
                 continue  # the output is the input, in another unit
-            if (left := _computed(u, y)) < _EXACT:
+            if (left := _computed(e, z)) < _EXACT and not _simulated(u, y):
                 words = (
                     f"{pair}: all but {left:.1g} of the changes of the input follow from the output: a controller computes it, and"
                     " nothing else moves it. The response would be that of -1/controller; excite the loop, and give the reference"
                 )
                 return [Fault(FaultKind.FEEDBACK, words, where=pair, size=left)]
-            if record.held and (early := _tied(u, y)):
+            if record.held and (early := _tied(e, z)):
                 tied.append((early, pair))
     if not tied:
         return noise_in_inputs(record) if record.held else []
@@ -107,10 +110,9 @@ def _autoregression(u: Real, lags: int) -> Real:
 
 def _computed(u: Real, y: Real) -> float:
     """Part of what is new in the input, given its own past, that present and past outputs leave unexplained."""
-    order = 4
-    rows = np.arange(order, u.size)
-    past = np.stack([u[rows - lag] for lag in range(1, order + 1)] + [np.ones(rows.size)], axis=1)
-    outputs = np.stack([y[rows - lag] for lag in range(order + 1)], axis=1)
+    rows = np.arange(_ORDER, u.size)
+    past = np.stack([u[rows - lag] for lag in range(1, _ORDER + 1)] + [np.ones(rows.size)], axis=1)
+    outputs = np.stack([y[rows - lag] for lag in range(_ORDER + 1)], axis=1)
     outputs = outputs / max(float(np.abs(y).max()), np.finfo(float).tiny)
     own, both = (
         u[rows] - A @ np.linalg.lstsq(A, u[rows], rcond=None)[0]
@@ -119,3 +121,21 @@ def _computed(u: Real, y: Real) -> float:
     new = float(own @ own)
     # An input that is its own continuation (a few sines, a constant) has nothing new.
     return 1.0 if new <= _CONTINUED**2 * float(u @ u) else float(both @ both) / new
+
+
+def _simulated(u: Real, y: Real) -> bool:
+    """Return whether an output is that of a stable plant from zero initial conditions, without noise.
+
+    An input that a controller computes, -C y, is tied to the output as closely, through the plant -1/C: one with a negative direct
+    term, or with the zero at 1 that an integrator leaves; and a record of a machine does not begin at zero.
+    """
+    u, y = u / np.ptp(u), y / np.ptp(y)
+    for order in range(_ORDER + 1):
+        columns = [np.pad(x, (lag, 0))[: u.size] for x, first in ((u, 0), (-y, 1)) for lag in range(first, order + 1)]
+        A = np.stack(columns, axis=1)
+        x: Real = np.linalg.lstsq(A, y, rcond=None)[0]
+        if np.linalg.norm(y - A @ x) <= _ROUNDING * np.linalg.norm(y):
+            b, a = x[: order + 1], np.concatenate([[1.0], x[order + 1 :]])
+            at_one = int(np.sum(np.abs(np.roots(b) - 1) < _AT_ONE))  # two of them has an acceleration
+            return bool(b[0] > _ROUNDING * np.abs(b).max() and at_one != 1 and np.all(np.abs(np.roots(a)) < 1))
+    return False

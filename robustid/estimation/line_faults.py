@@ -20,6 +20,8 @@ from robustid.estimation.whole_model import WINDOW, WholeModel, beyond_bounds, j
 _TWICE = 1.5  # times the sum of their bounds, by which values at the same frequency contradict each other,
 _PART = 0.1  # or so much of their size where no bound is stated
 _SAME = 1e-12  # of a frequency
+_PAIRS = 16  # repeated frequencies
+_ALIKE = 0.35  # squared steps from one of their differences to the next, of what noise has
 _EDGE = 4  # lines beside those that nothing excited, which may be of them
 _NAMED = 8  # lines whose place is said
 _MAINS_HZ = (50.0, 60.0, 400.0, 16.0 + 2 / 3)
@@ -121,25 +123,44 @@ def _mask(frf: FrequencyResponse, odd: Sequence[Odd]) -> NDArray[np.bool_]:
 def _contradicting(frf: FrequencyResponse) -> tuple[NDArray[np.bool_], list[Fault]]:
     """Lines at the same frequency whose values no single one explains, and the sentence on them."""
     out = np.zeros(frf.omega.size, bool)
-    worst, places = 0.0, list[int]()
-    start = np.flatnonzero(np.diff(frf.omega, prepend=-1.0) > _SAME * frf.omega[-1])
-    for first, end in zip(start, [*start[1:], frf.omega.size], strict=True):
-        if end - first < 2:
-            continue
-        size = _disagreement(frf, slice(int(first), int(end)))
-        if size > 1:
-            out[first:end] = True
-            worst, places = max(worst, size), [*places, int(first)]
-    if not places:
-        return out, []
+    groups = _repeated(frf)
+    sizes = [_disagreement(frf, group) for group in groups]
+    worst, places = max(sizes, default=0.0), [one.start for one, size in zip(groups, sizes, strict=True) if size > 1]
     unit = "times the sum of their bounds" if frf.bound is not None else f"times {100 * _PART:g} % of their size"
-    words = f"repeated frequency points contradict each other: {_places(frf, places)}"
     size = worst * (_TWICE if frf.bound is not None else 1)
     evidence = f"values at the same frequency differ by {size:.3g} {unit}"
-    if out.all():
-        words = "every frequency point stands there again with other values: several responses in one file"
-        return out, [Fault(FaultKind.OUTLIER, words, f"{evidence}; give each response in a file of its own", size=size)]
+    if not places and (share := _apart(frf, groups)):
+        size, places = share, [one.start for one in groups]
+        evidence = f"values at the same frequency differ by {100 * share:.2g} % in the median, alike from one to the next: no noise"
+    if not places:
+        return out, []
+    for group in groups:
+        out[group] = group.start in places
+    if 2 * len(places) > len(np.unique(frf.omega)):
+        every = "every frequency point stands" if out.all() else f"{len(places)} frequency points stand"
+        words = f"{every} there again with other values: several responses in one file"
+        evidence += "; give each response in a file of its own: robustid compare says where they differ"
+        return out, [Fault(FaultKind.OUTLIER, words, evidence, size=size)]
+    words = f"repeated frequency points contradict each other: {_places(frf, places)}"
     return out, [Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, places), size=size)]
+
+
+def _repeated(frf: FrequencyResponse) -> list[slice]:
+    """Points of every frequency that stands there more than once."""
+    start = np.flatnonzero(np.diff(frf.omega, prepend=-1.0) > _SAME * frf.omega[-1]).tolist()
+    ends = [*start[1:], frf.omega.size]
+    return [slice(first, end) for first, end in zip(start, ends, strict=True) if end - first > 1]
+
+
+def _apart(frf: FrequencyResponse, groups: Sequence[slice]) -> float:
+    """Median relative difference of two responses in one, whose scatter made the bound; 0 where it may be noise."""
+    if frf.bound is None or frf.bound.kind == "hard" or len(groups) < _PAIRS or np.any(frf.missing):
+        return 0.0
+    one, other = (frf.values[[group.start + k for group in groups]] for k in (0, 1))
+    apart = 2 * (one - other) / np.maximum(np.abs(one) + np.abs(other), np.finfo(float).tiny)
+    size, steps = (np.sum(np.abs(part) ** 2, axis=0) for part in (apart, np.diff(apart, axis=0)))
+    alike = (size > 0) & (steps < 2 * _ALIKE * size)
+    return float(np.median(np.abs(apart[:, alike]))) if np.any(alike) else 0.0
 
 
 def _disagreement(frf: FrequencyResponse, points: slice) -> float:
@@ -165,16 +186,21 @@ def _odd_words(frf: FrequencyResponse, odd: Sequence[Odd], lines: Sequence[int])
     worst = max(odd, key=lambda one: one.scatter)
     bounded = [one.bounds for one in odd if np.isfinite(one.bounds)]
     count = len(lines)
+    by_bound = f"{max(bounded):.3g} times the bound and " if bounded else ""
+    off = f"by {'up to ' * (len(odd) > 1)}{by_bound}{worst.scatter:.3g} times the scatter of the neighbours"
+    size = float(max(bounded) if bounded else worst.scatter)
+    if {line for group in _repeated(frf) for line in range(group.start, group.stop)}.issuperset(lines):
+        words = f"repeated frequency points contradict each other: {_places(frf, lines)}"
+        evidence = f"of the values at the same frequency one is off what its neighbours say, {off}"
+        return Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, lines), _where(frf, odd), size=size)
     words = f"{count} frequency point{'s' * (count > 1)} ({_places(frf, lines)}{_entry_words(frf, odd)})"
     words += " are off what their neighbours say" if count > 1 else " is off what its neighbours say"
     at = f" at {hz_words(frf.freq_hz[worst.line])}" if count > 1 else ""
-    by_bound = f"{max(bounded):.3g} times the bound and " if bounded else ""
-    evidence = f"by {'up to ' * (len(odd) > 1)}{by_bound}{worst.scatter:.3g} times the scatter of the neighbours{at}"
-    evidence += f"{_cause(frf, lines)}. Suspect: a mode would explain {'each' if count > 1 else 'it'} only with a half-width below"
+    each, them = ("each", "them") if count > 1 else ("it", "it")
+    evidence = f"{off}{at}{_cause(frf, lines)}. Suspect: a mode would explain {each} only with a half-width below"
     evidence += f" {hz_words(NARROW * _spacing(frf, lines), 3)}, a quarter of the line spacing; measure between the lines, or leave"
-    evidence += " them out" if count > 1 else " it out"
-    size = max(bounded) if bounded else worst.scatter
-    return Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, lines), _where(frf, odd), size=float(size))
+    evidence += f" {them} out"
+    return Fault(FaultKind.OUTLIER, words, evidence, leaving_out(frf, lines), _where(frf, odd), size=size)
 
 
 def _cause(frf: FrequencyResponse, lines: Sequence[int]) -> str:

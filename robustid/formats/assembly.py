@@ -107,6 +107,7 @@ def as_frequency(
     if not lookup.fields:
         options = {**lookup.facts.get("frequency", {}), **options}
     if "dt" not in options:
+        lookup.refuse_step(0, -1)  # of MATLAB: continuous, and not said
         options["dt"] = lookup.sample_time()
     if "bound" not in options and len(values) == omega.size:
         there = np.any(np.isfinite(values.reshape(omega.size, -1)), axis=1)
@@ -263,6 +264,7 @@ def time_step(lookup: Lookup, samples: int) -> float:
         return uniform_step(column, samples) * seconds(lookup, time)
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
         seconds(lookup, unsure)
+    lookup.refuse_step()
     if (step := lookup.sample_time()) is None:
         words = f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}"
         raise InputError(words, argument="dt")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import pathlib
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,9 +16,12 @@ from robustid.core import (
     StateMatrices,
     as_array,
     as_float,
+    as_signals,
     atomic_write,
     exponents_of,
     hz_words,
+    labels_of,
+    numbered,
     time_words,
 )
 from robustid.errors import FileFormatError, InputError, InputTypeError
@@ -49,15 +53,18 @@ class StoredModel(Frozen):
 
     matrices: StateMatrices
     dt: float  # 0 in continuous time
+    signals: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])  # labels of named sides
 
     def model(self) -> control.StateSpace:
         """The `control.StateSpace` of them."""
-        return self.matrices.model(self.dt)
+        return self.matrices.model(self.dt, **self.signals)
 
     def words(self) -> str:
         """Its size and its least damped modes."""
         A, _, _, D = self.matrices
         size = f"a model of {len(A)} states, {D.shape[0]} outputs and {D.shape[1]} inputs, {time_words(self.dt)}"
+        if len(self.signals) == 2:
+            size += f", from {', '.join(self.signals['inputs'])} to {', '.join(self.signals['outputs'])}"
         if not 0 < len(A) <= _SEEN_STATES:
             return size
         poles = exponents_of(np.linalg.eigvals(A).astype(complex), self.dt or None)
@@ -69,18 +76,20 @@ class StoredModel(Frozen):
 
 
 def save_model(model: control.StateSpace, path: str | os.PathLike[str]) -> None:
-    """Write A, B, C, D and dt (0: continuous) of a `control.StateSpace` to `path`, .npz or .mat."""
+    """Write A, B, C, D, dt (0: continuous) and named signals of a `control.StateSpace` to `path`, .npz or .mat."""
     import scipy.io
 
     path = pathlib.Path(path)
     numbers = {name: np.asarray(getattr(model, name)) for name in "ABCD"} | {"dt": np.array(float(model.dt or 0))}
     if path.suffix not in (".npz", ".mat"):
         raise InputError(f"`path` must end in .npz or .mat; got {path.name}")
+    sides = (("inputs", model.input_labels, "u"), ("outputs", model.output_labels, "y"))
+    names = {side: labels for side, labels, letter in sides if not numbered(labels, letter)}
     with atomic_write(path, "wb") as file:
         if path.suffix == ".npz":
-            np.savez_compressed(file, **numbers)  # type: ignore[arg-type]
+            np.savez_compressed(file, **numbers, **{side: np.array(one) for side, one in names.items()})  # type: ignore[arg-type]
         else:
-            scipy.io.savemat(file, numbers)
+            scipy.io.savemat(file, {**numbers, **{side: np.array(one, dtype=object) for side, one in names.items()}})
 
 
 def load_model(path: str | os.PathLike[str], *, dt: float | None = None) -> control.StateSpace:
@@ -125,7 +134,7 @@ def model_of(table: Table, dt: float | None = None) -> StoredModel:
     path, numbers = table.path, _numbers(table)
     found = _structures(numbers)
     if "A" in numbers or not found:
-        return _state_space(path, numbers, "ABCD", dt)
+        return _state_space(path, numbers, "ABCD", dt, table.texts)
     if len(found) > 1:
         names = ", ".join(repr(prefix.rstrip(".") or "the top level") for prefix, _ in found)
         raise FileFormatError(
@@ -153,7 +162,7 @@ def model_of(table: Table, dt: float | None = None) -> StoredModel:
         found = of_roots(first, second, gain[0].item()) if gain else of_polynomials(first, second)
     except (InputError, InputTypeError) as error:
         raise FileFormatError(f"{path.name} is no model: {error}") from None
-    return StoredModel(found, step)
+    return StoredModel(found, step, _labels(texts, found))
 
 
 def _structures(numbers: _Numbers) -> list[tuple[str, str | tuple[str, ...]]]:
@@ -179,7 +188,7 @@ def _fits(names: str | tuple[str, ...], own: list[np.ndarray]) -> bool:
 
 
 def _state_space(
-    path: pathlib.Path, numbers: _Numbers, names: str, dt: float | None, texts: dict[str, list[str]] | None = None
+    path: pathlib.Path, numbers: _Numbers, names: str, dt: float | None, texts: dict[str, list[str]]
 ) -> StoredModel:
     """The model of the matrices A, B, C and, optionally, D."""
     missing = [name for name in names[:3] if name not in numbers]
@@ -198,8 +207,21 @@ def _state_space(
             raise FileFormatError(
                 f"matrix {name} of {path.name} must be {shape[0]} x {shape[1]}; got {matrix.shape[0]} x {matrix.shape[1]}"
             )
-    step = _step(path, numbers, texts or {}) if dt is None else dt
-    return StoredModel(StateMatrices(A, B, C, D), step)
+    step = _step(path, numbers, texts) if dt is None else dt
+    return StoredModel(found := StateMatrices(A, B, C, D), step, _labels(texts, found))
+
+
+def _labels(texts: dict[str, list[str]], matrices: StateMatrices) -> dict[str, list[str]]:
+    """Labels of the sides whose signals all have names: by `save_model`, or by MATLAB, which keeps the units apart."""
+    found: dict[str, list[str]] = {}
+    ny, nu = matrices.D.shape
+    for side, word, letter, count in (("inputs", "Input", "u", nu), ("outputs", "Output", "y", ny)):
+        names, units = (texts.get(f"{word}{part}", []) for part in ("Name", "Unit"))
+        units = units if len(units) == len(names) else [""] * len(names)
+        signals: Sequence[Any] = texts.get(side) or list(zip(names, units, strict=True))
+        if len(signals) == count and all(signals) and all(name for name, *_ in signals):
+            found[side] = labels_of(as_signals(side, signals, count, letter), letter)
+    return found
 
 
 def _numbers(table: Table) -> _Numbers:

@@ -20,6 +20,7 @@ from robustid.formats.role_names import FREQUENCY, NAMES, TIME, UNSURE, axis_rol
 from robustid.formats.table import NAMELESS, Table
 
 _SIGNED = ("real", "imag", "phase_deg", "phase_rad")
+_STEPS = ("dt", "Ts")  # names of a sample time and of nothing else
 _LONGEST_SHOWN = 80  # characters of a name
 _ELSEWHERE = re.compile(
     r"(?P<file>[^:\[\]]+\.(?:npy|npz|mat|h5|hdf5|csv|tsv|txt|dat|uff|unv))(?:$|:|(?=\[))(?P<rest>.*)", re.IGNORECASE
@@ -124,6 +125,21 @@ class Lookup:
                 if isinstance(value, np.ndarray) and value.size == 1 and np.isrealobj(value) and value.item() > 0:
                     return float(value.item()) if role == "dt" else 1 / float(value.item())
         return None
+
+    def refuse_step(self, *but: float) -> None:
+        """Refuse a stored sample time or rate that is no positive number, nor one of these."""
+        for name in () if self.text or "dt" in self.fields or "rate" in self.fields else (*_STEPS, *NAMES["rate"]):
+            value, got = self.columns.get(name), ""
+            if name in self.table.texts:
+                got = f"the text {', '.join(self.table.texts[name][:1])!r}"
+            elif isinstance(value, np.ndarray) and value.size != 1:
+                got = f"{value.size} numbers"
+            elif isinstance(value, np.ndarray) and value.item() not in but:
+                got = "" if np.isrealobj(value) and 0 < value.item() < np.inf else f"{value.item():g}"
+            if got:
+                what, unit = ("time", "s") if name in _STEPS else ("rate", "Hz")
+                words = f"the sample {what} {name!r} in the file must be one positive number in {unit}; got {got}. Give `dt`"
+                raise InputError(words, argument="dt")
 
     def _hz(self) -> float:
         """Factor from the unit of a sample rate to Hz; a name without a unit is in Hz."""

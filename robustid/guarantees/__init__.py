@@ -31,7 +31,7 @@ from robustid.guarantees.loop_steps import STEPS, StepTube, settled, step_tube, 
 from robustid.guarantees.loop_values import Balls, LoopValues, worst_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
 from robustid.guarantees.next_record import Ranked, band_of_others, chance_of_order, ranked
-from robustid.guarantees.nominal import as_frequencies, default_grid
+from robustid.guarantees.nominal import as_frequencies, default_grid, narrow_band
 from robustid.guarantees.outputs import output_errors
 from robustid.guarantees.over_poles import WorstCaseOverPoles, worst_case_over_poles
 from robustid.guarantees.parameters import ParameterIntervals
@@ -147,6 +147,7 @@ __all__ = [
     "magnitude_weight",
     "margins_by_loop",
     "margins_of",
+    "narrow_band",
     "ncf_margin",
     "norm_of_bounds",
     "nu_gap",

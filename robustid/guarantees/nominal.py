@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import control
 
 _BEYOND = 2.0  # times the highest frequency of continuous data: where the default grid ends
+_OCTAVE = 2.0
 _GRID = 64  # frequencies of the default grid, besides those of the poles
 
 
@@ -65,12 +66,22 @@ def as_frequencies(omega: ArrayLike, problem: MixedProblem) -> Real:
     return np.minimum(grid, plane.top)
 
 
+def narrow_band(problem: MixedProblem) -> tuple[float, float] | None:
+    """Frequency points on less than an octave, and as much again below and above, rad/s; None of any other data."""
+    points = problem.plane.omega(problem.angles)
+    if problem.time or points.size < 2 or not points.min() < points.max() < _OCTAVE * points.min():
+        return None
+    low, high = float(points.min()), float(points.max())
+    return 2 * low - high, min(2 * high - low, problem.plane.top)
+
+
 def default_grid(problem: MixedProblem) -> Real:
     """Half of the frequencies on a logarithmic scale, half on a linear one, and around the parametric poles."""
     plane, basis = problem.plane, problem.parametric
     lines = np.concatenate([np.zeros(0), *(f.omega for f in problem.frequency)])
     top = plane.top if plane.dt else _BEYOND * float(lines.max())
     lowest = lines[lines > 0].min() / 2 if np.any(lines > 0) else top / 200
+    lowest, top = narrow_band(problem) or (lowest, top)
     grid = [np.geomspace(lowest, top, _GRID // 2), np.linspace(lowest, top, _GRID // 2)]
     if basis is not None:
         poles: Complex = basis.poles[(np.abs(basis.poles) > 0) & (np.imag(basis.poles) > 0)]

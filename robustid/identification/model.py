@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from robustid.bases import ParametricBasis
-from robustid.core import Frozen, Model, Numbers, StateMatrices, exponents_of, freeze
+from robustid.core import Frozen, Model, Numbers, StateMatrices, exponents_of, freeze, labels_of
 from robustid.identification.formulation.base import Formulation, Realisation, States
 from robustid.identification.formulation.convex import LEAST_SQUARES, Candidate
 from robustid.identification.formulation.rows import Rows
@@ -133,14 +133,9 @@ def parametric_states(
 
 
 def signal_names(problem: MixedProblem) -> dict[str, list[str] | str]:
-    """Names of the model and its signals for `control`."""
-    outputs, inputs = ([_label(c.name, d) for c in side] for side, d in ((problem.outputs, "y"), (problem.inputs, "u")))
+    """Names of the model and its signals, with their units, for `control`."""
+    inputs, outputs = labels_of(problem.inputs, "u"), labels_of(problem.outputs, "y")
     return {"inputs": inputs, "outputs": outputs, "name": "identified"}
-
-
-def _label(name: str, default: str) -> str:
-    """A signal name as `control` takes it: not empty, and without dots."""
-    return name.replace(".", "_") or default
 
 
 def physical_parameters(rows: Rows, p: NDArray[np.float64]) -> NDArray[np.float64]:

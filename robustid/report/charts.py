@@ -120,7 +120,9 @@ def frequency_axis(omega: np.ndarray) -> Axis:
     if log:
         at_zero = " (0 Hz has no place on it)" if omega.min() == 0 else ""
         return Axis(f"frequency [Hz]{at_zero}", log=True, range=(low / 1.05, high * 1.05))
-    return Axis("frequency [Hz]", range=(float(omega.min()) / HZ - 0.02 * high, 1.02 * high))
+    low = float(omega.min()) / HZ
+    beyond = 0.02 * (high - low or high)
+    return Axis("frequency [Hz]", range=(low - beyond, high + beyond))
 
 
 def whole_axis(low: float, high: float, beyond: float, label: str = "order [–]") -> Axis:

@@ -27,11 +27,13 @@ def most_drawn(points: int, entries: int) -> int:
 
 
 def log_axis(omega: np.ndarray) -> bool:
-    """Return whether the frequencies are spread rather like a geometric sequence than evenly."""
+    """Return whether the frequencies are spread rather like a geometric sequence than evenly, over an octave at least."""
     known = omega[omega > 0]
     if known.size < 2:
         return bool(known.size)
     middle, ends = np.median(known), known[[0, -1]]
+    if known.max() < 2 * known.min():
+        return False
     return bool(abs(np.log(middle / np.sqrt(ends.prod()))) <= abs(np.log(middle / ends.mean())))
 
 

@@ -21,7 +21,7 @@ from robustid.core import (
 )
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
-from robustid.guarantees import Sample, WorstCaseError, WorstCaseOverPoles
+from robustid.guarantees import Sample, WorstCaseError, WorstCaseOverPoles, narrow_band
 from robustid.identification import Identification, MixedProblem, Residual, check_model
 from robustid.report.charts import NOMINAL, Axis, further
 from robustid.report.curves import resolved
@@ -274,8 +274,10 @@ def further_models(reduction: Reduction | None, models: Models) -> dict[str, con
 def band(problem: MixedProblem) -> tuple[float, float]:
     """From below the lowest frequency point (or 1/length of the longest record) to the Nyquist frequency, rad/s.
 
-    In continuous time to twice the highest frequency point.
+    In continuous time to twice the highest frequency point; around frequency points on less than an octave as far as they go.
     """
+    if near := narrow_band(problem):
+        return near
     points = problem.plane.omega(problem.angles[problem.angles > 0])
     high = problem.plane.top if problem.dt else 2 * float(points.max(initial=0.0)) or 1.0
     starts = [points.min()] if points.size else [2 * high / max(t.u.shape[0], 2) for t in problem.time]
@@ -283,16 +285,19 @@ def band(problem: MixedProblem) -> tuple[float, float]:
 
 
 def shown_band(identification: Posed, omega: np.ndarray = _NOWHERE) -> tuple[float, float]:
-    """The `band` of the data, down to the lowest of further frequencies, rad/s."""
+    """The `band` of the data, down to the lowest of further frequencies and up to the highest, rad/s."""
     low, high = band(identification.problem)
-    return min([low, *omega[omega > 0].tolist()]), high
+    return min([low, *omega[omega > 0].tolist()]), max([high, *omega.tolist()])
 
 
 def hertz(problem: MixedProblem, low: float, high: float) -> Axis:
-    """The frequency axis; a logarithmic one has no 0, so that samples there are put at its left end and this is said."""
+    """The frequency axis; a logarithmic one has no 0, so that samples there are put at its left end and this is said.
+
+    Within an octave it is linear.
+    """
     at_zero = bool(problem.angles.size) and problem.angles[0] == 0
     note = " (samples at 0 Hz are drawn at the left end)" if at_zero else ""
-    return Axis(f"frequency [Hz]{note}", log=True, range=(low / HZ, high / HZ))
+    return Axis(f"frequency [Hz]{note}", log=high > 2 * low, range=(low / HZ, high / HZ))
 
 
 def responses(

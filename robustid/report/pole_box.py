@@ -90,7 +90,9 @@ def _reach(band: WorstCaseOverPoles, axis: Axis) -> Axis:
     hz = band.omega[band.omega > 0] / HZ
     if hz.size < 2 or axis.range is None:
         return axis
-    return dataclasses.replace(axis, range=(float(hz[0] / 1.05), float(min(hz[-1] * 1.05, axis.range[1]))))
+    return dataclasses.replace(
+        axis, range=(float(max(hz[0] / 1.05, axis.range[0])), float(min(hz[-1] * 1.05, axis.range[1])))
+    )
 
 
 def _area(name: str, colour: str, curve: Layer, bounded: Bounded, span: tuple[float, float]) -> list[Layer]:

@@ -284,7 +284,11 @@ def pole_chart(identification: Identification, models: Models = None) -> Chart:
         ),
         Panel(
             "Damping of the oscillating poles",
-            Axis("natural frequency [Hz]", log=True, range=(every.min() * 0.9, every.max() * 1.1)),
+            Axis(
+                "natural frequency [Hz]",
+                log=every.max() > 2 * every.min(),
+                range=(0.9 * every.min(), 1.1 * every.max()),
+            ),
             Axis("damping ratio [–]", log=True, range=(min(0.5 * ratios.min(initial=1.0), 0.05), 2.0)),
             damping,
         ),

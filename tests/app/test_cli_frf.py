@@ -1,9 +1,11 @@
 """robustid frf: records in, a response with its bound out, sentences, exit codes."""
 
 import re
+import shlex
 
 import numpy as np
 import pytest
+import scipy.signal
 
 import robustid as rid
 from robustid.data import FrequencyResponse, TimeRecord
@@ -218,3 +220,25 @@ def test_arrays_are_addressed_and_their_axes_named(tmp_path, run):
     code, _, err = run([path, *options[:-2], "--rate", "-1", "-o", "x.npz"])
     assert code == 2
     assert "--rate must be above 0" in err or "--rate must be positive" in err
+
+
+def test_a_period_that_the_input_shows_is_offered_as_a_command_that_takes_it(tmp_path, monkeypatch, run):
+    """Its last, incomplete period is cut off; said with a period or with another method nothing is offered."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    u = np.resize(rng.standard_normal(200), 900)
+    y = scipy.signal.lfilter([0.2], [1, -0.8], u) + 0.01 * rng.standard_normal(u.size)
+    rid.save("run.csv", rid.TimeRecord(u, y, dt=0.01))
+    code, out, _ = run(["run.csv", "-o", "frf.npz"])
+    assert code == 0
+    offered = out.rpartition("undo the fault of the data: ")[2].strip()
+    assert offered == "robustid frf run.csv -o frf.npz --force --first 800 --period 200"
+    code, out, _ = run(shlex.split(offered)[2:])
+    assert code == 0
+    assert "undo the fault" not in out
+    frf = rid.load("frf.npz")
+    np.testing.assert_allclose(frf.freq_hz, np.rint(2 * frf.freq_hz) / 2, rtol=1e-12)  # lines of the period, 2 s
+    truth = 0.2 / (1 - 0.8 * np.exp(-0.01j * frf.omega))
+    assert np.all(np.abs(frf.values[:, 0, 0] - truth) <= frf.bound.outer_radius[:, 0, 0])
+    assert not frf.faults
+    assert "undo the fault" not in run(["run.csv", "-o", "other.npz", "--method", "local"])[1]

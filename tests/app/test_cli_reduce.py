@@ -111,3 +111,14 @@ def test_an_unstable_model_is_refused_or_kept(files, run):
 def test_names_are_looked_at_before_the_files_are(files, run):
     refused(run(["reduce", "whatever", "-o", "small.txt"]), "must end in .npz, .mat, .m, .json, .h, .sos or .zpk")
     refused(run(["reduce", "small.npz", "-o", "small.npz", "--force"]), "one of the files to be read")
+
+
+def test_a_small_model_keeps_names_and_units_of_the_signals(tmp_path, monkeypatch, run):
+    monkeypatch.chdir(tmp_path)
+    made = two_modes(0.01)
+    labels = {"inputs": ["force [N]"], "outputs": ["position [mm]"]}
+    save_model(control.ss(made.A, made.B, made.C, made.D, made.dt, **labels), "model.npz")
+    assert run(["reduce", "model.npz", "--order", "2", "-o", "small.mat"])[0] == 0
+    assert run(["export", "small.mat", "-o", "small.npz"])[0] == 0
+    small = load_model("small.npz")
+    assert (small.nstates, small.input_labels, small.output_labels) == (2, *labels.values())

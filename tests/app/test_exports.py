@@ -67,6 +67,20 @@ def test_matlab_scripts_and_json_hold_the_same_model(size, tmp_path):
     same(lambda x: response(*(stored[part] for part in "ABCD"), x), model)
 
 
+def test_matlab_scripts_keep_names_and_units_apart(tmp_path):
+    named = control.ss(-1.0, [[1.0, 2.0]], 1.0, 0.0, inputs=["force [N]", "ref's current"], outputs=["x [mm]"])
+    rid.save(tmp_path / "named.m", named)
+    lines = (tmp_path / "named.m").read_text().splitlines()[-4:]
+    assert lines == [
+        "named.InputName = {'force', 'ref''s current'};",
+        "named.InputUnit = {'N', ''};",
+        "named.OutputName = {'x'};",
+        "named.OutputUnit = {'mm'};",
+    ]
+    rid.save(tmp_path / "plain.m", control.ss(-1.0, 1.0, 1.0, 0.0))
+    assert (tmp_path / "plain.m").read_text().endswith("plain.InputName = {'u[0]'};\nplain.OutputName = {'y[0]'};\n")
+
+
 def test_an_uncertain_plant_is_written_for_matlab(tmp_path):
     edges, bound = np.array([1.0, 30.0, 100.0, np.pi / 0.01]), np.array([0.01, 0.04, 0.5])
     weight = rid.guarantee.uncertainty_weight(DATA.truth, edges, bound)

@@ -230,3 +230,26 @@ def test_the_output_of_an_unstable_plant_in_its_loop_is_not_early():
     without = rid.TimeRecord(u, y, dt=dt)
     assert {one.kind for one in rid.prepare.record_faults(without, period=1024)} & {FaultKind.LATE, FaultKind.FEEDBACK}
     assert not rid.prepare.loop_response(without, rid.Loop(controller), period=1024).faults
+
+
+@pytest.mark.parametrize("b", [[1.0, -1.2, 0.5], [0.3], [1.0, -2.0, 1.0]])
+def test_a_simulated_plant_with_a_direct_term_is_no_feedback(b):
+    """Without noise its input follows from its output, as that of a controller does; the last one gives an acceleration."""
+    rng, a = np.random.default_rng(5), [1.0, -1.6, 0.9]
+    white, steps = rng.standard_normal(2000), np.repeat(rng.standard_normal(50), 40)
+    for u in (white, scipy.signal.lfilter([1.0], [1, -0.8], white), steps + 0.5):
+        y = np.stack([scipy.signal.lfilter(one, a, u) for one in (b, [2.0, 0.1])], axis=1)
+        assert "feedback" not in [fault.kind for fault in rid.prepare.record_faults(rid.TimeRecord(u, y, dt=0.01))]
+
+
+@pytest.mark.parametrize(("num", "den"), [([2.0, -1.9], [1.0, -1.0]), ([0.4], [1.0]), ([2.0, -1.8], [1.0, -0.5])])
+def test_an_input_that_only_a_controller_moves_is_told(num, den):
+    """From zero initial conditions too: a controller with an integrator, a gain, and a lead."""
+    rng, d, y, u = np.random.default_rng(6), np.zeros(2000), np.zeros(2000), np.zeros(2000)
+    d = scipy.signal.lfilter([1.0], [1, -0.9], rng.standard_normal(2000))
+    for k in range(2000):  # y = 0.1/(z - 0.5) u + d
+        y[k] = d[k] - 0.5 * d[k - 1] + 0.5 * y[k - 1] + 0.1 * u[k - 1] if k else d[0]
+        past = sum(n * y[k - i] for i, n in enumerate(num) if k >= i)
+        u[k] = -past - sum(m * u[k - i] for i, m in enumerate(den) if k >= i > 0)
+    faults = rid.prepare.record_faults(rid.TimeRecord(u, y, dt=0.01))
+    assert "feedback" in [fault.kind for fault in faults]

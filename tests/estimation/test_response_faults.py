@@ -167,18 +167,49 @@ def uneven(seed):
 
 
 def test_two_responses_one_after_the_other_are_told_as_that():
-    """Every frequency twice, no line of which is left; nor where the few others are too few to be judged."""
+    """Every frequency twice, no line of which is left; or few others, without which nothing is left to go on with."""
     omega = np.linspace(1, 50, 30)
     first = 1 / (1 - (omega / 20) ** 2 + 0.04j * omega / 20)
-    for extra in (0, 3):
+    for extra in (0, 3, 40):
         w, values = (
             np.concatenate([omega, omega, 60.0 + np.arange(extra)]),
             np.concatenate([first, 3 * first, np.ones(extra)]),
         )
         (found,) = rid.prepare.response_faults(rid.FrequencyResponse(w, values))
         assert found.kind == "outlier"
-        assert ("several responses in one file" in found.words) == (extra == 0)
-        assert bool(found.correction) == (extra > 0)
+        assert ("several responses in one file" in found.words) == (extra < 30)
+        assert bool(found.correction) == (extra > 30)
+
+
+def test_two_responses_in_one_are_told_where_they_made_the_bound():
+    """Their differences widened the bound that was taken from them, and were called noise."""
+    frf, rng = response(), np.random.default_rng(3)
+    omega, bound = (
+        np.tile(frf.omega, 2),
+        rid.Bound(0.5 * np.ones(2 * frf.omega.size), kind="confidence", probability=0.95),
+    )
+
+    def joined(factor, noise=0.0):
+        error = noise * (rng.standard_normal(omega.size) + 1j * rng.standard_normal(omega.size))
+        values = np.concatenate([frf.values.ravel(), factor * frf.values.ravel()])
+        return response_faults(rid.FrequencyResponse(omega, values + error, bound=bound))
+
+    (found,) = joined(1.3)
+    assert "several responses in one file" in found.words
+    assert found.size == pytest.approx(0.6 / 2.3)
+    assert not found.correction
+    assert joined(1.0, 0.02) == ()
+
+
+def test_a_line_that_stands_there_twice_is_no_missing_mode():
+    frf = response()
+    omega = np.insert(frf.omega, 90, frf.omega[90])
+    values = np.insert(frf.values.ravel(), 90, frf.values[90, 0, 0] + 0.05)
+    bound = rid.Bound(0.04 * np.ones(omega.size), kind="confidence", probability=0.95)
+    (fault,) = response_faults(repeated := rid.FrequencyResponse(omega, values, bound=bound))
+    assert fault.words.startswith("repeated frequency points contradict each other")
+    assert "a mode" not in fault.evidence
+    assert np.array_equal(correct(repeated, fault.correction).omega, np.delete(frf.omega, 90))
 
 
 @pytest.mark.parametrize("seeds", [4, pytest.param(40, marks=pytest.mark.slow)])

@@ -215,3 +215,30 @@ def test_a_saved_result_is_not_data(tmp_path):
     save(tmp_path / "plain.npz", full_record())
     (tmp_path / "plain.json").write_text('{"format": "another 1"}')
     assert load(tmp_path / "plain.npz").y.shape == full_record().y.shape
+
+
+@pytest.mark.parametrize(
+    ("step", "got"),
+    [
+        (-0.01, "-0.01"),
+        (np.nan, "nan"),
+        (0.01 + 1j, r"0\.01\+1j"),
+        (np.array("0.01"), "the text '0.01'"),
+        (np.array([0.01, 0.02]), "2 numbers"),
+        (0.0, "0"),
+    ],
+)
+def test_a_stored_sample_time_of_no_use_is_said(tmp_path, step, got):
+    """Of a record it was overlooked, and the sentence said that no time was found; a response became one of continuous time."""
+    sentence = rf"f\.npz: the sample time 'dt' in the file must be one positive number in s; got {got}\. Give `dt`"
+    np.savez(tmp_path / "f.npz", u=np.eye(1, 40)[0], y=np.ones(40), dt=step)
+    with pytest.raises(InputError, match=sentence):
+        rid.load(tmp_path / "f.npz")
+    assert rid.load(tmp_path / "f.npz", dt=0.1).dt == 0.1
+    np.savez(tmp_path / "f.npz", omega=[1.0, 2.0, 3.0], values=[1j, 2.0, 3.0], dt=step)
+    if got == "0":  # MATLAB's, of continuous time
+        assert rid.load(tmp_path / "f.npz").dt is None
+    else:
+        with pytest.raises(InputError, match=sentence):
+            rid.load(tmp_path / "f.npz")
+    assert rid.load(tmp_path / "f.npz", dt=0.1).dt == 0.1

@@ -1,5 +1,6 @@
 """State-space models in files of others, and what is no model, which is refused in our own words."""
 
+import control
 import numpy as np
 import pytest
 import scipy.io
@@ -7,7 +8,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.errors import FileFormatError
-from robustid.formats import load_model
+from robustid.formats import load_model, save_model
 from robustid.formats.model_files import of_polynomials, of_roots
 from support.foreign_files import matlab5
 from support.matlab_files import write73
@@ -134,3 +135,31 @@ def test_two_models_in_a_file(tmp_path):
     path = matlab5(tmp_path / "g.mat", {"G": fields, "K": fields})
     with pytest.raises(FileFormatError, match=r"several models \('G', 'K'\); store one a file"):
         rid.load(path, kind="model")
+
+
+SIGNALS = {"inputs": ["force [N]", "moment [N·m]"], "outputs": ["x [mm]"]}
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+def test_names_and_units_of_the_signals_are_kept(tmp_path, ending):
+    model = control.ss(A, np.ones((1, 2)), C, np.zeros((1, 2)), 0.1, **SIGNALS)
+    save_model(model, tmp_path / f"m{ending}")
+    again = rid.load(tmp_path / f"m{ending}")
+    assert (again.input_labels, again.output_labels) == (SIGNALS["inputs"], SIGNALS["outputs"])
+    assert "from force [N], moment [N·m] to x [mm]" in rid.look(tmp_path / f"m{ending}").found.words()
+    save_model(control.ss(A, B, C, 0.0, 0.1), tmp_path / f"n{ending}")
+    nameless = rid.load(tmp_path / f"n{ending}")
+    assert (nameless.input_labels, nameless.output_labels) == (["u[0]"], ["y[0]"])
+
+
+def test_names_that_a_structure_of_matlab_states(tmp_path):
+    fields = {"num": [[1.0]], "den": [[1.0, 2.0]], "InputName": cells("ref. current"), "InputUnit": cells("A")}
+    scipy.io.savemat(tmp_path / "g.mat", {"G": fields | {"OutputName": cells("")}})
+    model = rid.load(tmp_path / "g.mat")
+    assert (model.input_labels, model.output_labels) == (["ref_ current [A]"], ["y[0]"])
+    scipy.io.savemat(tmp_path / "h.mat", {"G": fields | {"InputName": cells("a", "b")}})  # more than the model has
+    assert rid.load(tmp_path / "h.mat").input_labels == ["u[0]"]
+
+
+def cells(*texts):
+    return np.array(texts, dtype=object)

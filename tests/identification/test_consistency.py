@@ -282,7 +282,7 @@ def test_a_solver_that_fails_or_lies_is_replaced_and_named(monkeypatch, fault):
 def test_control_objects_work_at_once(found):
     assert isinstance(found.model, control.StateSpace)
     assert found.model.dt == 0.01
-    assert found.model.input_labels == [found.problem.signals[1].name]
+    assert found.model.input_labels == [str(found.problem.signals[1])]
     (frf,) = found.problem.frequency
     response = control.frequency_response(found.model, frf.omega)
     assert np.abs(response.complex - frf.values[:, 0, 0]).max() <= 0.03 * (1 + 1e-6)
@@ -291,7 +291,7 @@ def test_control_objects_work_at_once(found):
 def test_channel_names_that_control_refuses_are_cleaned():
     frf = rid.FrequencyResponse([1.0], [0.5], bound=0.1, dt=0.1, inputs="ref. current [A]", outputs="x")
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay_rate=1.1)))
-    assert result.model.input_labels == ["ref_ current"]
+    assert result.model.input_labels == ["ref_ current [A]"]
     assert str(result.problem.signals[1]) == "ref. current [A]"
 
 

@@ -186,7 +186,10 @@ def frf(
             if "samples" not in error.remedy:
                 raise
             raise error.reworded({}, lambda cut: f"{cut} (--first {cut.arguments['samples']})") from None
-    undoing = _undoing(screen.called(context), found, output, files.origins)
+    called = screen.called(context)
+    undoing = _undoing(called, found, output, files.origins)
+    if undoing is None and samples is None and how.method in (None, "periodic"):
+        undoing = _with_period(called, found, min(len(one.u) for one in records))
     written, steps = [output, report], then_model(found, output)
     page = None
     if report is not None:
@@ -246,6 +249,24 @@ def _undoing(called: list[str], found: FrequencyResponse, output: Path, records:
     of_records, of_response = ([one for one in faults if one.kind == kind] for kind in ("time", "frequency"))
     further = ["identify", "--frequency", str(output), "--report", "report.html"]
     return in_command(again(called), of_records, [], records) or in_command(further, of_response, [output], [])
+
+
+def _with_period(called: list[str], found: FrequencyResponse, samples: int) -> Undoing | None:
+    """The command again with the period that every input shows, of whole periods; None where they show none, or several."""
+    from robustid.app.run.undoing import again, command_line, options_among, with_value
+    from robustid.data import FaultKind, Undoing
+
+    shown = [fault for fault in found.faults if fault.kind is FaultKind.UNSTATED_PERIOD]
+    periods = {int(fault.size) for fault in shown}
+    if len(periods) != 1 or "--lines" in " ".join(called):
+        return None
+    (period,) = periods
+    arguments, whole = again(called), str(samples // period * period)
+    if samples % period:
+        first = "--first"
+        cut = options_among(arguments, {first})
+        arguments = with_value(arguments, first, whole) if cut else [*arguments, first, whole]
+    return Undoing(shown[0], command_line([*arguments, "--period", str(period)]))
 
 
 def then_model(found: FrequencyResponse, output: Path) -> list[Next]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robustid.core import Signal, as_signals, numbered
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,14 +26,16 @@ _PLANTS = {
 
 
 def script(model: control.StateSpace, name: str) -> str:
-    """Return a script that makes the model: ss(A, B, C, D, Ts), with the names of its signals."""
+    """Return a script that makes the model: ss(A, B, C, D, Ts), with the names and units of its signals."""
     name = identifier(name)
     lines = [f"% {name}: written by robustid; run it, and {name} is a model of the Control System Toolbox."]
     lines += _system(name, model)
-    lines += [
-        f"{name}.InputName = {_cells(model.input_labels)};",
-        f"{name}.OutputName = {_cells(model.output_labels)};",
-    ]
+    for side, labels in (("Input", model.input_labels), ("Output", model.output_labels)):
+        plain = numbered(labels, "u" if side == "Input" else "y")
+        signals = [Signal(label) for label in labels] if plain else as_signals(side, labels, len(labels), "")
+        lines.append(f"{name}.{side}Name = {_cells(signal.name for signal in signals)};")
+        if any(signal.unit for signal in signals):
+            lines.append(f"{name}.{side}Unit = {_cells(signal.unit for signal in signals)};")
     return "\n".join(lines) + "\n"
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, simulate
+from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, labels_of, simulate
 from robustid.data import TimeRecord
 from robustid.figures import Modes
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
@@ -90,9 +90,7 @@ class RecordFit(Frozen, Modes, Savable):
         """The `control.StateSpace`."""
         import control
 
-        inputs, outputs = (
-            [signal.name for signal in axis] for axis in (self.records[0].inputs, self.records[0].outputs)
-        )
+        inputs, outputs = labels_of(self.records[0].inputs, "u"), labels_of(self.records[0].outputs, "y")
         return control.ss(*self.matrices, self.dt, inputs=inputs, outputs=outputs)
 
     def to_control(self) -> control.StateSpace:
