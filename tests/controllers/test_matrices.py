@@ -137,6 +137,10 @@ def test_values_between_axes_bound_those_of_the_whole():
 def check(plant, design, peak):
     """A proved design keeps its limits with the true plant."""
     assert design.status.name == "PROVED"
+    kept(plant, design, peak)
+
+
+def kept(plant, design, peak):
     omega = np.linspace(0.01, np.pi / DT, 3000)
     L = responses(plant, omega) @ responses(design.controller, omega)
     assert np.abs(control.feedback(plant, design.controller).poles()).max() < 1
@@ -228,6 +232,16 @@ def test_margins_of_all_loops_at_once(small):
 
 
 def test_one_loop_to_each_axis(small):
+    """Found at frequencies at one level, and proved on the axis."""
+    plant, band = small
+    task = Task.of([Plants.of(band)], as_structure(PID()), Limits(sensitivity_peak=1.8), as_goal("bandwidth"))
+    found = At(task, task.middle).found(20.0)
+    assert task.proof(found).kept
+    kept(plant, found, 1.8)
+
+
+@pytest.mark.slow
+def test_a_design_of_one_loop_to_each_axis(small):
     plant, band = small
     check(plant, rid.design_controller(band, PID(), limits=Limits(sensitivity_peak=1.8)), 1.8)
 

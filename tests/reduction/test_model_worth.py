@@ -103,7 +103,7 @@ def resonant(seed, samples=300, noise=0.02, dt=0.01):
     return rid.TimeRecord(u, y, dt=dt, initial="free"), basis, clean
 
 
-@pytest.mark.parametrize(("most", "samples"), [(5, 110), pytest.param(12, 300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("most", "samples"), [(4, 110), pytest.param(12, 300, marks=pytest.mark.slow)])
 def test_a_model_that_simulates_the_record_well_is_preferred(monkeypatch, most, samples):
     """The bounds of a short record's response hold models of its order that miss most of the output."""
     try_orders_up_to(most, monkeypatch)
@@ -148,7 +148,7 @@ def test_records_in_steady_state_or_too_long_say_no_more_than_their_spectrum():
     assert with_transients([record, long]) == []
 
 
-def heating(start, ambient=22.0, samples=600, seed=0):
+def heating(start, ambient=22.0, samples=360, seed=0):
     """A record of a heating plate, said to begin at rest, its plant, and the fit that noise leaves to the plant in per cent."""
     rng = np.random.default_rng(seed)
     plant = control.ss([[0.98, 0.0], [0.2, 0.8]], [[0.016], [0.0]], [[0.0, 1.0]], 0, 5.0)
@@ -179,7 +179,7 @@ def test_a_record_that_begins_at_rest_stays_one_and_a_bound_too():
     assert with_transients([record]) == [record]
     bounded = dataclasses.replace(heating(45.0)[0], bound=1.0)
     assert with_transients([bounded]) == [bounded]
-    late = dataclasses.replace(record, y=record.y + np.where(np.arange(600) > 0, 5.0, 0.0)[:, None])
+    late = dataclasses.replace(record, y=record.y + np.where(np.arange(360) > 0, 5.0, 0.0)[:, None])
     found = Simulations([late], None, range(1, 2), feedthrough=False, budget=Budget(None))
     assert late.initial == "rest"
     assert found.quality(plant)[0] == pytest.approx(noise, abs=3.0)  # the sensor's constant is no error of the model
