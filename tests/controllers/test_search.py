@@ -106,9 +106,15 @@ class Forgotten(dict):
         pass
 
 
-@pytest.mark.parametrize(("make", "seed"), [(band_of, 0), slow(band_of, 1), slow(matrix_band_of, 0)])
-def test_starts_that_found_nothing_at_a_level_are_not_missed_above(make, seed):
-    task = Task.of([Plants.of(make(seed)[1])], tuple(STRUCTURES[0]), LIMITS, Bandwidth())
+@pytest.mark.parametrize(
+    ("make", "seed", "limits"),
+    [
+        (band_of, 0, Limits(sensitivity_peak=1.8)),
+        *(slow(*case, LIMITS) for case in ((band_of, 0), (band_of, 1), (matrix_band_of, 0))),
+    ],
+)
+def test_starts_that_found_nothing_at_a_level_are_not_missed_above(make, seed, limits):
+    task = Task.of([Plants.of(make(seed)[1])], tuple(STRUCTURES[0]), limits, Bandwidth())
     levels, asked = [], []
     for lost in ({}, Forgotten()):
         here = At(task, task.middle)

@@ -14,6 +14,7 @@ from robustid.reduction import best_models, sample_fits
 from robustid.reduction.pole_starts import sanathanan_koerner, statespace
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
+from support.cases import slow
 from support.paper_plant import mixed, structure
 
 pytestmark = pytest.mark.quick
@@ -69,9 +70,10 @@ def test_columns_of_the_poles_are_the_derivatives():
         np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
 
-def test_smallest_maximum_is_that_of_another_solver():
+@pytest.mark.parametrize("seeds", [5, slow(12)])
+def test_smallest_maximum_is_that_of_another_solver(seeds):
     """12 random programs with complex and real samples, free and bounded unknowns, one with dependent columns."""
-    for seed in range(12):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         F, T, n, held = rng.integers(3, 30), rng.integers(0, 30), rng.integers(1, 5), 2
         G = rng.standard_normal((F + T, n + held)) + 0j
