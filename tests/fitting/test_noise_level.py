@@ -69,7 +69,7 @@ def test_level_and_relative_part_are_those_of_the_noise():
 
 
 def test_orders_are_compared_in_one_weight():
-    _, frf = measured(0, level=0.01, modes=2)
+    frf = measured(0, level=0.01, modes=2)[1].select(slice(None, None, 2))
     assert "level" in fit_mfd(frf, order=4).weight_choice
     sweep = suggest_order(frf, orders=[3, 4])
     assert all(fit.weight_choice.startswith("relative") for fit in sweep.fits.values())

@@ -262,11 +262,11 @@ def test_a_local_minimum_is_left_by_a_warm_start(monkeypatch):
 
 
 def test_summary_is_a_table():
-    sweep = suggest_order(data(0, 1, 1, 2, 50), orders=[3, 4])
+    sweep = suggest_order(data(0, 1, 1, 1, 30), orders=[1, 2])
     lines = sweep.summary().splitlines()
     assert lines[0].split()[:3] == ["order", "parameters", "cost"]
     assert lines[2].endswith("<")
-    assert "order 4 has the smallest MDL" in lines[3]
+    assert "order 2 has the smallest MDL" in lines[3]
     assert "larger `orders`" in lines[4]
 
 
@@ -297,9 +297,7 @@ def bounded(seed, outputs, inputs, modes, lines, level=0.02):
     return rid.FrequencyResponse(omega, truth + radius * disc, bound=radius)
 
 
-@pytest.mark.parametrize(
-    ("seeds", "lines", "orders"), [(1, 40, [3, 4, 5, 6, 7, 8]), slow(3, 50, None), slow(6, 80, None)]
-)
+@pytest.mark.parametrize(("seeds", "lines", "orders"), [(1, 40, [4, 5, 6, 8]), slow(3, 50, None), slow(6, 80, None)])
 def test_stated_bounds_cap_the_order(seeds, lines, orders):
     """6 plants: the true order in 5, never more than 1.5 times it."""
     found = []
@@ -400,5 +398,5 @@ def test_the_sweep_is_shown_as_it_grows():
 
 def test_a_time_limit_ends_a_sweep():
     """The first wave is fitted, no more."""
-    sweep = suggest_order(data(0, 1, 1, 2, 50), orders=range(1, 13), time_limit=1e-3)
+    sweep = suggest_order(data(0, 1, 1, 2, 25), orders=range(1, 13), time_limit=1e-3)
     assert list(sweep.orders) == [1, 2, 3, 4]

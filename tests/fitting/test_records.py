@@ -85,11 +85,10 @@ def brute_force(records, fit, *, feedthrough, offset=False):
 @pytest.mark.parametrize(
     ("initial", "samples", "feedthrough"),
     [
-        (["free"], [60], True),
         (["free", "rest"], [20, 25], False),
         *(
             slow(*case, feedthrough)
-            for case in [(["free"], [71]), (["rest"], [80]), (["free", "rest", "free"], [25, 41, 30])]
+            for case in [(["free"], [71]), (["free"], [60]), (["rest"], [80]), (["free", "rest", "free"], [25, 41, 30])]
             for feedthrough in (False, True)
         ),
     ],
@@ -264,13 +263,10 @@ def difference_equation(record, order):
 class TestMeasured:
     pytestmark = realdata
 
-    @pytest.mark.parametrize(
-        ("name", "dt", "order", "samples"),
-        [("hairdryer", 0.08, 5, 150), slow("hairdryer", 0.08, 5, None), slow("cdplayer", 1.0, 8, None)],
-    )
-    def test_the_second_half_from_the_first(self, name, dt, order, samples):
+    @pytest.mark.parametrize(("name", "dt", "order"), [("hairdryer", 0.08, 5), slow("cdplayer", 1.0, 8)])
+    def test_the_second_half_from_the_first(self, name, dt, order):
         """Simulated from the initial state that fits best, at least as well as all others of the same order."""
-        first, second = (record[:samples] for record in measured(name, dt))
+        first, second = measured(name, dt)
         fit = rid.fit_records(first, order=order)
         frf = rid.estimate_frf(first)
         found = subspace_estimate(frf.values, np.exp(1j * frf.omega * dt), order, domain="z")
@@ -278,7 +274,7 @@ class TestMeasured:
         own = rid.validate(fit, second).fit
         for other in (difference_equation(first, order), subspace, rid.fit_mfd(frf, order=order)):
             assert np.all(own >= rid.validate(other, second).fit)
-        if name == "hairdryer" and not samples:
+        if name == "hairdryer":
             assert own[0] > 0.868
 
 

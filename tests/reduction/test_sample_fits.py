@@ -104,8 +104,8 @@ def test_noise_free_samples_give_the_poles_back_from_a_cold_start():
 
 
 def test_minimax_model_is_a_local_optimum_with_equal_extremes():
-    """No direction of poles and numerators lowers all the largest residuals: by linear programming, at 5 seeds."""
-    for seed in range(5):
+    """No direction of poles and numerators lowers all the largest residuals: by linear programming, at 2 seeds."""
+    for seed in range(2):
         problem = structure(seed)
         samples = sample_map(problem, 0)
         start = sample_fits.least_squares(
@@ -162,7 +162,7 @@ def test_columns_that_overflow_have_no_part(bad):
 
 def test_a_start_whose_factorisation_fails_leaves_the_others(monkeypatch):
     """The smallest order is found as without it."""
-    identification = rid.identify(mixed("rest", samples=25))
+    identification = rid.identify(mixed("rest", samples=12))
     wanted = rid.reduce_within_bounds(identification).order
 
     def fails(*_):

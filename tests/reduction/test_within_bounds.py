@@ -78,14 +78,15 @@ def test_from_another_objective_too_every_sample_is_kept(seeds, sizes):
         assert error <= reduction.bound + 1e-9 * 7  # of the peak: rounding
 
 
-def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
+@pytest.mark.parametrize("beside", [False, slow(True)])
+def test_poles_of_the_parametric_part_are_kept_where_they_suffice(beside):
     """Known poles stay, and the model is near the truth between the samples, where moved poles are not."""
     data, problem = rid.datasets.flexible_structure(), structure(0)
     light = rid.kautz(data.modes[1, 0], data.modes[1, 1], dt=0.01, delay=1)
     wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
     angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
     errors = []
-    for changes in ({"parametric": light, "prior": wide}, {"parametric": None, "prior": wide}):
+    for changes in ({"parametric": light, "prior": wide}, {"parametric": None, "prior": wide})[: 1 + beside]:
         one = dataclasses.replace(problem, **changes)
         reduction = rid.reduce_within_bounds(rid.identify(one))
         assert reduction.order == 4
@@ -93,7 +94,8 @@ def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
         for pole in one.parametric.poles if one.parametric else ():
             assert np.abs(reduction.model.poles() - pole).min() < 1e-9
         errors.append(np.abs(response(reduction.model, angles) - response(data.truth, angles)).max())
-    assert errors[0] < 0.1 < 0.5 < errors[1]
+    assert errors[0] < 0.1
+    assert not beside or errors[1] > 0.5
 
 
 @pytest.mark.slow
@@ -110,8 +112,9 @@ def test_plant_of_order_four_at_twenty_seeds(parametric, least):
     assert found >= least
 
 
-@pytest.mark.parametrize("seeds", [1, slow(2)])
-@pytest.mark.parametrize("case", ["parametric", *(slow(one) for one in ("mixed", "time", "frequency"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [1, 2])
+@pytest.mark.parametrize("case", ["parametric", "mixed", "time", "frequency"])
 def test_truth_of_known_order_bounds_the_order_found(case, seeds):
     """Random plants: G of order 4 and, parametric, a pair more; their truth is inside the bounds."""
     for seed in range(seeds):
