@@ -1,6 +1,6 @@
 """The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run).
 
-Three of the shortest always run here, and what all say without their data; the others are slow.
+Two of the shortest always run here, and what all say without their data; the others are slow.
 """
 
 import functools
@@ -106,6 +106,7 @@ def test_modal_stage(run, undrawn):
     assert np.all(error < 5 * there)
 
 
+@pytest.mark.slow
 def test_worst_case(tmp_path, run, monkeypatch, undrawn, fewer_samples):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims

@@ -210,10 +210,10 @@ def test_known_choices():
     # No samples that feel anything: one coefficient.
     assert shortest_sections(lines([0.7], bound=1e9), 1e-2).order == 1
     # The whole circle: nothing helps, since the mean of log|B| is at least -m log(rho).
-    full = lines(np.linspace(0.001, np.pi - 0.001, 400))
+    full = lines(np.linspace(0.001, np.pi - 0.001, 200))
     assert taylor_length(full, 1e-4) <= shortest_sections(full, 1e-5).order <= taylor_length(full, 1e-4) + 8
     # A tenth of it: several times fewer; more zeros, fewer still, but never below the capacity of the arc.
-    part = lines(np.linspace(0.001, 0.1 * np.pi, 300), rho=1.005)
+    part = lines(np.linspace(0.001, 0.1 * np.pi, 100), rho=1.005)
     assert shortest_sections(part, 1e-5).order < taylor_length(part, 1e-4) / 6
     # Samples in time see the whole circle, periodic ones their lines.
     rng = np.random.default_rng(0)

@@ -162,7 +162,6 @@ def test_both_forms_prove_the_same_margin(case, seeds):
 @pytest.mark.parametrize(
     ("case", "seed", "objective"),
     [
-        ("frequency", 0, "gain"),
         ("mixed", 1, "margin"),
         *(slow(*each) for each in (("time", 0, "gain"), ("time", 0, "margin"), ("mixed", 1, "gain"))),
     ],

@@ -191,6 +191,7 @@ def test_the_order_stays_the_bounds_are_kept_and_the_guaranteed_error_falls(case
     assert np.median(fallen) <= 1.0
 
 
+@pytest.mark.slow
 def test_rigid_bodies_stay_exact():
     frf, basis = rigid_body(0.1)
     prior = rid.Prior(gain_bound=0.5, decay_rate=1.1)

@@ -42,15 +42,15 @@ def small(frf, basis):
     return found, reduce_within_bounds(found)
 
 
-@pytest.mark.parametrize(("seed", "modes", "most"), [(0, 1, 3), slow(0, 2, 5), *(slow(seed, 2, 12) for seed in (0, 1))])
-def test_wide_bounds_do_not_make_a_poor_model_the_recommended_one(monkeypatch, seed, modes, most):
+@pytest.mark.parametrize(("seed", "most"), [(0, 5), slow(0, 12), slow(1, 12)])
+def test_wide_bounds_do_not_make_a_poor_model_the_recommended_one(monkeypatch, seed, most):
     try_orders_up_to(most, monkeypatch)
-    frf, basis = measured(seed, modes=modes)
+    frf, basis = measured(seed)
     found, reduction = small(frf, basis)
-    assert reduction.order < 2 * modes  # the bounds hold a model that has lost a mode
+    assert reduction.order < 4  # the bounds hold a model that has lost a mode
     worth = model_worth_having(found, reduction, frf)
-    assert worth.carried == 2 * modes
-    assert worth.reduction.order == 2 * modes
+    assert worth.carried == 4
+    assert worth.reduction.order == 4
     assert largest_ratio(found.problem, worth.reduction.model) <= 1
     assert worth.misfit <= 1.05 * worth.best
     assert worth.smallest_misfit > 1.5 * worth.best
