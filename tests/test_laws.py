@@ -33,7 +33,7 @@ def response(model, omega, radius=1.0):
     return model.C @ resolvent + model.D
 
 
-def experiment(seed, shape=(1, 1), lines=10):
+def experiment(seed, shape=(1, 1), lines=8):
     """Statement of a class that the truth is in, with random noise at most as large as its bound; and the truth."""
     rng = np.random.default_rng(seed)
     omega = np.sort(rng.choice(np.arange(1, 40), lines, replace=False)) * (np.pi / DT / 40)
@@ -58,7 +58,7 @@ def test_units_scale_a_band_and_a_model_exactly(seed, time, gain):
     scaled = rid.FrequencyResponse(frf.omega / t, frf.values * s, bound=frf.bound.radius * s, dt=frf.dt * t)
     other = statement(scaled, problem.prior.gain_bound * s)
     omega = np.linspace(0, np.pi / DT, 7)
-    here, there = rid.band(problem, knots=60).at(omega), rid.band(other, knots=60).at(omega / t)
+    here, there = rid.band(problem, knots=30).at(omega), rid.band(other, knots=30).at(omega / t)
     for a, b in zip(here, there, strict=True):
         np.testing.assert_array_equal(a * s, b)
     first, second = rid.identify(problem), rid.identify(other)
@@ -86,7 +86,7 @@ def test_permuted_outputs_give_permuted_answers(seed, order):
     frf, omega = problem.frequency[0], np.linspace(0, np.pi / DT, 7)
     turned = rid.FrequencyResponse(frf.omega, frf.values[:, order], bound=frf.bound.radius[:, order], dt=DT)
     other = statement(turned, problem.prior.gain_bound)
-    here, there = rid.band(problem, knots=60).at(omega), rid.band(other, knots=60).at(omega)
+    here, there = rid.band(problem, knots=30).at(omega), rid.band(other, knots=30).at(omega)
     for a, b in zip(here, there, strict=True):
         np.testing.assert_allclose(a[:, order], b, rtol=1e-9)
     permuted = control.ss(model.A, model.B, model.C[list(order)], model.D[list(order)], DT)

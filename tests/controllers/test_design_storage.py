@@ -122,7 +122,7 @@ def test_loading_tells_how_far_its_proofs_are_and_can_be_interrupted(tmp_path, c
 
 
 def test_the_first_line_says_what_the_bands_take_their_poles_to_be():
-    omega = np.linspace(3.0, 312.0, 40)
+    omega = np.linspace(3.0, 312.0, 20)
     mode = control.tf([0.02], np.poly(0.97 * np.exp([0.3j, -0.3j])).real, DT)
     frf = rid.FrequencyResponse(omega, mode(np.exp(1j * omega * DT)), bound=0.02, dt=DT)
     s = np.log(0.97 * np.exp(0.3j)) / DT

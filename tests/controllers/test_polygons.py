@@ -160,6 +160,7 @@ def refined():
     return plain, band, consistent_members(result, 2, np.random.default_rng(0), [5.0])
 
 
+@pytest.mark.slow
 def test_polygons_of_a_band_hold_the_plants_that_the_data_allow_and_prove_more_of_a_loop():
     plain, band, members = refined()
     omega = np.geomspace(0.3, 12.0, 60)

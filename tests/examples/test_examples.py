@@ -1,6 +1,6 @@
 """The claims that the examples print; each also runs whole, with its pictures, beside the suite (.ci/run).
 
-Two on measured data, the torsion margin and the steering mirror, run whole with their claims there: their small versions are slow.
+Two of the shortest always run here, and what all say without their data; the others are slow.
 """
 
 import functools
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.example_runs import check_files, load
 from support.measured import needs
 
@@ -47,6 +48,7 @@ def test_without_data_an_example_says_where_to_get_them(tmp_path, run, monkeypat
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_flexible_structure(tmp_path, run, undrawn, fewer_samples):
     names = ("no mode", "the light mode", "both modes")
     stems = [name.replace(" ", "_") for name in names]
@@ -61,8 +63,10 @@ def test_flexible_structure(tmp_path, run, undrawn, fewer_samples):
     assert 10 * errors["both modes"] < errors["the light mode"] < errors["no mode"]
 
 
-def test_conditioning(run, undrawn):
+@pytest.mark.parametrize("counts", [(4, 12, 40), slow(None)])
+def test_conditioning(run, monkeypatch, undrawn, counts):
     example = load("conditioning")
+    monkeypatch.setattr(example, "COUNTS", counts or example.COUNTS)
     assert "Lemma 1 is exact" in run(example, ["conditioning.png"])
     for count in example.COUNTS:
         for rho in (1.02, 1.1):
@@ -72,8 +76,9 @@ def test_conditioning(run, undrawn):
     assert example.conditions(example.measured_band(40), 1.1)[0] > 1000 * 1.1**78
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
-@pytest.mark.parametrize("lines", [(60, 3), pytest.param((12, 8), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lines", [(60, 3), (12, 8)])
 def test_motor_torsion(tmp_path, run, monkeypatch, undrawn, lines):
     needs("two_mass/MultisineTypeA.mat")
     example = load("motor_torsion")
@@ -101,6 +106,7 @@ def test_modal_stage(run, undrawn):
     assert np.all(error < 5 * there)
 
 
+@pytest.mark.slow
 def test_worst_case(tmp_path, run, monkeypatch, undrawn, fewer_samples):
     example = load("worst_case")
     monkeypatch.setattr(example, "FREQUENCIES_HZ", np.array([0, 9, 17.67, 50]))  # enough for the claims
@@ -144,8 +150,9 @@ def test_small_models_of_short_records_predict_the_other_half(tmp_path, name):
     check_files(tmp_path, [f"{name}.png"])
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
-@pytest.mark.parametrize("seconds", [1e-3, pytest.param(300.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [1e-3, 300.0])
 def test_converters(run, monkeypatch, undrawn, seconds):
     """Without a search for a pair, scalings improved a little, fewer knots; whole: the sweeps leave an unstable pair."""
     if not (Path(os.environ.get("ROBUSTID_DATA", "")) / "converter_dq" / "source_impedance.npz").exists():
@@ -195,7 +202,7 @@ def test_the_whole_torsion_margin(tmp_path, run):
     run_torsion_margin(load("torsion_margin"), tmp_path, run)
 
 
-@pytest.mark.parametrize("size", [(3, 120), pytest.param((9, 600), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("size", [(3, 80), slow((9, 600))])
 def test_wafer_stage(run, monkeypatch, undrawn, size):
     example = load("wafer_stage")
     monkeypatch.setattr(example, "SIZE", size)
@@ -354,6 +361,7 @@ def test_measured_plants(tmp_path, run, options, file):
 # --- reduction with limits
 
 
+@pytest.mark.slow
 @pytest.mark.realdata
 def test_limits_gain_where_they_are_meant_to(run):
     needs("slicot/build.mat")

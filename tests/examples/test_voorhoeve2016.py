@@ -102,6 +102,7 @@ def test_handing_over(example):
     assert end.steps < ends["cold, D = I"].steps
 
 
+@pytest.mark.slow
 def test_run(example, run, undrawn, monkeypatch, tmp_path):
     monkeypatch.setattr(example, "CASES", ())  # that part has its own test
     monkeypatch.setattr(example, "SIZE", (9, 150, 4, 0))

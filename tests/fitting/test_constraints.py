@@ -8,6 +8,7 @@ import pytest
 import robustid as rid
 from robustid.errors import InputTypeError
 from robustid.fitting import RollOff, StaticGain, Zero, ZeroEntries, fit_mfd, suggest_order
+from support.cases import slow
 from support.mfd_systems import noisy, random_modal_system, relative_error
 from support.refusals import refusals
 
@@ -87,11 +88,8 @@ def test_zero_with_direction(form, point):
     assert np.abs(P).max() >= 1e3 * np.abs(left).max()
 
 
-@pytest.mark.parametrize("seeds", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("form", "degree"),
-    [("right", 2), ("left", 3), *(pytest.param(*each, marks=pytest.mark.slow) for each in (("left", 2), ("right", 3)))],
-)
+@pytest.mark.parametrize("seeds", [1, slow(2)])
+@pytest.mark.parametrize(("form", "degree"), [("right", 2), ("left", 3), slow("left", 2), slow("right", 3)])
 def test_roll_off(form, degree, seeds):
     """|P| falls like 1/|s|^degree: the first Markov parameters vanish."""
     for seed in range(seeds):
@@ -149,15 +147,15 @@ def test_combined(form, seeds):
         assert np.abs(np.asarray(fit.model.C) @ np.asarray(fit.model.B)).max() <= 1e-9 * size(fit) * OMEGA.max()
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(10, marks=pytest.mark.slow)])
-def test_true_constraints_cost_no_more_than_their_degrees_of_freedom(seeds):
+@pytest.mark.parametrize(("seeds", "modes"), [(3, 2), slow(10, 4)])
+def test_true_constraints_cost_no_more_than_their_degrees_of_freedom(seeds, modes):
     """Static gain of the truth, 2x2: the cost rises by 4 in the mean, chi squared of 4; so many realisations, below 12."""
-    system, truth, _ = data(5, 2, 2, 4)
+    system, truth, _ = data(5, 2, 2, modes)
     gain, rises = system.response(np.zeros(1))[0].real, []
     for seed in range(seeds):
         frf = rid.FrequencyResponse(OMEGA, noisy(np.random.default_rng(seed), truth))
-        free = fitted(frf, truth, 8, [])
-        rises.append(fitted(frf, truth, 8, [StaticGain(gain)]).cost - free.cost)
+        free = fitted(frf, truth, 2 * modes, [])
+        rises.append(fitted(frf, truth, 2 * modes, [StaticGain(gain)]).cost - free.cost)
     assert min(rises) >= -1e-3
     assert 0.3 <= np.mean(rises) <= 12  # |e|^2 = 1 per complex number: half a unit per real constraint
 

@@ -10,7 +10,7 @@ from robustid.errors import InputError
 from robustid.fitting import Weight, fit_mfd
 from support.mfd_systems import gaussian, random_modal_system
 
-OMEGA = 2 * np.pi * np.geomspace(4, 1200, 150)
+OMEGA = 2 * np.pi * np.geomspace(4, 1200, 100)
 TRUTH = random_modal_system(3, 2, 2, 4, band_hz=(5, 1000), damping=(0.005, 0.02)).response(1j * OMEGA)
 
 

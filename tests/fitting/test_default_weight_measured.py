@@ -34,6 +34,7 @@ def errors(frf, order, names=tuple(WEIGHTS), **options):
     return {name: withheld(frf, order, WEIGHTS[name], **options) for name in names}
 
 
+@pytest.mark.slow
 def test_bench_of_two_masses():
     """17 degrees of freedom; 5 % at most above the best of unit, relative and covariance weights."""
     found = errors(rid.estimate_frf(rid.datasets.load("two_mass"), period=2500), 4)

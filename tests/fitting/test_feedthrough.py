@@ -6,6 +6,7 @@ import pytest
 import robustid as rid
 from robustid.data import FeedThrough, expected_feedthrough
 from robustid.fitting import RollOff, fit_mfd, suggest_order
+from support.cases import slow
 from support.report_pages import printed
 
 OMEGA = np.linspace(1, 9, 60)
@@ -48,14 +49,14 @@ def test_waves_are_those_of_continuous_time(sample_time):
     assert (expected_feedthrough(response("b1", "a1", dt=sample_time)) is None) == (sample_time is not None)
 
 
-@pytest.mark.parametrize(("output", "input"), [("a [m/s^2]", "F [N]"), ("b1", "a1")])
+@pytest.mark.parametrize(("output", "input"), [("a [m/s^2]", "F [N]"), slow("b1", "a1")])
 def test_the_default_follows_and_what_is_stated_stands(output, input):
     data = response(output, input, 0.3 + MODE)
     fit = fit_mfd(data, order=2)
     assert fit.problem.feedthrough
     assert np.isclose(fit.model.D[0, 0], 0.3, atol=1e-6)
     assert "Feed-through" in printed(fit, data=data)
-    sweep = suggest_order(data, orders=range(1, 4))
+    sweep = suggest_order(data, orders=[1, 2])
     assert sweep.suggested == 2
     assert sweep.fits[2].problem.feedthrough
     for stated in (

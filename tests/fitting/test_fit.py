@@ -71,10 +71,11 @@ def test_noisy_structures_from_a_cold_start(ports, modes, within, worst, median,
 
 
 def test_the_start_is_the_same_however_the_weight_is_written():
-    _, truth, values = case(0, 2, 2, 3)
+    omega = OMEGA[::4]
+    _, truth, values = case(0, 2, 2, 3, omega=omega)
     spread = 0.01 * np.abs(truth).transpose(0, 2, 1).reshape(-1, 4)
     covariance = np.eye(4) * spread[:, None, :] ** 2
-    frf = rid.FrequencyResponse(OMEGA, values, covariance=covariance)
+    frf = rid.FrequencyResponse(omega, values, covariance=covariance)
     weights = [None, Weight.from_covariance(covariance, 2, 2), 100 / np.abs(truth)]
     costs = [fit_mfd(frf, order=6, weight=weight).start_cost for weight in weights]
     np.testing.assert_allclose(costs, costs[0], rtol=1e-6)
@@ -147,7 +148,7 @@ test_bad_input = refusals(
 )
 
 
-@pytest.mark.parametrize(("dt", "every"), [slow(None, 1), (2e-4, 2), slow(2e-4, 1)])
+@pytest.mark.parametrize(("dt", "every"), [slow(None, 1), (2e-4, 4), slow(2e-4, 1)])
 def test_an_unstable_machine_is_fitted_as_it_is_or_by_a_stable_model(dt, every):
     """One pole pair beyond the boundary: reflected and reported by default, kept on request."""
     system = random_modal_system(4, 2, 2, 4, damping=(0.005, 0.02), dt=dt)
@@ -173,7 +174,7 @@ def test_too_many_states_stay_stable_and_never_cost_more(seeds):
     for seed in range(seeds):
         truth = random_modal_system(seed, 2, 2, 2).response(1j * omega)
         frf = rid.FrequencyResponse(omega, noisy(np.random.default_rng([seed, 3]), truth, 0.01))
-        fits = [fit_mfd(frf, order=order, weight=1 / np.abs(truth)) for order in (4, 6, 8)]
+        fits = [fit_mfd(frf, order=order, weight=1 / np.abs(truth)) for order in ((4, 7) if seeds == 1 else (4, 6, 8))]
         assert all(fit.stable for fit in fits)
         costs = [fit.cost for fit in fits]
         assert costs == sorted(costs, reverse=True)

@@ -54,7 +54,7 @@ def test_derivatives_and_highest_coefficients_are_those_of_the_monomials(dt):
 
 @pytest.mark.parametrize("seeds", [1, slow(3)])
 @pytest.mark.parametrize("step", [sk_step, relaxed_step, minimum_norm_step, column_step])
-@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (2, 2), (3, 4)])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (2, 2), slow((3, 4))])
 def test_every_normalisation_reproduces_exact_data(step, shape, seeds):
     """Noise-free, six steps from D = I; all seeds, degrees by ones and by twos."""
     if step is minimum_norm_step and shape[1] > 1:
@@ -105,11 +105,11 @@ def test_the_degrees_that_a_fit_chooses_are_as_good_as_any(seeds, every):
         assert min(costs) <= fit.cost * (1 + 1e-5)
 
 
-@pytest.mark.parametrize("every", [2, slow(1)])
-def test_degrees_by_twos_keep_odd_numbers_of_modes_well_conditioned(every):
+@pytest.mark.parametrize("count", [3, slow(8)])
+def test_degrees_by_twos_keep_odd_numbers_of_modes_well_conditioned(count):
     """Noise-free, 2 to 4 channels, modes no multiple of them: 1e-9 in all 8 (by ones: up to 1e-5)."""
-    cases = enumerate([(2, 3), (2, 7), (3, 5), (3, 10), (4, 5), (4, 6), (4, 7), (4, 9)])
-    for seed, (ports, modes) in list(cases)[::every]:
+    cases = [(2, 3), (2, 7), (3, 5), (3, 10), (4, 5), (4, 6), (4, 7), (4, 9)]
+    for seed, (ports, modes) in enumerate(cases[:count]):
         _, truth = problem_of(seed, ports, ports, modes, level=0)
         fit = fit_mfd(rid.FrequencyResponse(OMEGA, truth), order=2 * modes)
         assert relative_error(fit.fraction.response(OMEGA), truth) <= 1e-9

@@ -8,6 +8,7 @@ import robustid as rid
 from robustid.core import response_at
 from robustid.errors import InputTypeError
 from robustid.fitting import FitStatus, Modal, fit_covariance
+from support.cases import slow
 from support.interrupts import ctrl_c
 from support.mechanics import BETWEEN, measured, mechanical
 from support.mfd_systems import relative_error
@@ -69,7 +70,12 @@ def test_a_system_of_the_structure_is_recovered(name, dt):
     assert relative_error(N @ np.linalg.inv(D), wanted) < 1e-6
 
 
-@pytest.mark.parametrize(("name", "dt"), every_one(CASES, [None, 1e-3]))
+SMALL = "proportional, rigid", "general, symmetric", "proportional, more inputs", "symmetric"
+
+
+@pytest.mark.parametrize(
+    ("name", "dt"), [pair if pair.values[0] in SMALL else slow(*pair.values) for pair in every_one(CASES, [None, 1e-3])]
+)
 def test_the_structure_is_exact_in_the_model(name, dt):
     """With noise: rank one to 1e-10, real to 1e-10, symmetric to 1e-12, rigid-body modes as entries of A; and at condition one."""
     _, frf, asked = posed(name, level=0.02, dt=dt)
@@ -112,13 +118,11 @@ def test_the_history_holds_the_free_descent_too():
     assert f"after {len(fit.history)} steps" in repr(fit)
 
 
-RIGID = pytest.param("proportional, rigid", marks=pytest.mark.slow)
+RIGID = slow("proportional, rigid")
 
 
-@pytest.mark.parametrize("seeds", [3, pytest.param(6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "name", ["proportional", RIGID, pytest.param("symmetric", marks=pytest.mark.slow), "general, symmetric"]
-)
+@pytest.mark.parametrize("seeds", [2, slow(6)])
+@pytest.mark.parametrize("name", ["proportional", RIGID, slow("symmetric"), slow("general, symmetric")])
 def test_true_structure_lowers_the_error_at_withheld_points(name, seeds):
     """Six seeds, 3 % noise: below the free fit in all but one at most, and by a tenth in the median where shapes are real."""
     ratios = []
@@ -174,9 +178,9 @@ def test_a_fit_goes_on_from_its_model():
 
 
 def test_a_start_of_another_order_is_completed_or_reduced():
-    system, frf, asked = posed("proportional", level=0.01)
+    system, frf, asked = posed("single", level=0.01)
     for order in (6, 10):
-        start = rid.fit_mfd(frf, **asked | {"order": order}).model
+        start = rid.fit_mfd(frf, order=order).model
         fit = rid.fit_mfd(frf, **asked, start=start)
         assert fit.model.nstates == system.order
         assert relative_error(fit.fraction.response(BETWEEN), system.response(BETWEEN)) < 0.01
@@ -184,9 +188,7 @@ def test_a_start_of_another_order_is_completed_or_reduced():
     assert relative_error(poles.fraction.response(BETWEEN), system.response(BETWEEN)) < 0.01
 
 
-@pytest.mark.parametrize(
-    "name", ["proportional", pytest.param("symmetric", marks=pytest.mark.slow), "general, symmetric"]
-)
+@pytest.mark.parametrize("name", ["single", *map(slow, ("proportional", "symmetric", "general, symmetric"))])
 def test_a_mode_in_the_wrong_place_is_exchanged(name):
     """From a start that has one of four modes far away the descent alone ends elsewhere, but with blocks."""
     system, frf, asked = posed(name, level=0.01)
@@ -260,7 +262,14 @@ def test_only_rigid_body_modes():
     assert isinstance(fit.to_control(), control.StateSpace)
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("general", "general, more inputs", "single")])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "proportional",
+        "general, symmetric",
+        *map(slow, ("proportional, more inputs", "proportional, rigid", "symmetric", "symmetric, rigid")),
+    ],
+)
 def test_sweeps_count_what_a_structure_leaves_free(name):
     """The rank of the Jacobian, the coefficients that the covariance calls free; orders are even."""
     system, frf, asked = posed(name, level=0.02)
@@ -272,9 +281,10 @@ def test_sweeps_count_what_a_structure_leaves_free(name):
     assert system.order == order
 
 
-def test_a_sweep_with_structure_finds_the_order_among_even_ones():
+@pytest.mark.parametrize("orders", [[6, 8, 10], slow(None)])
+def test_a_sweep_with_structure_finds_the_order_among_even_ones(orders):
     _, frf, asked = posed("single", level=0.02)
-    sweep = rid.fits.suggest_order(frf, modal=asked["modal"])
+    sweep = rid.fits.suggest_order(frf, modal=asked["modal"], orders=orders)
     assert not sweep.failures
     assert np.all(sweep.orders % 2 == 0)
     assert sweep.suggested == asked["order"]

@@ -20,17 +20,20 @@ OMEGA = 2 * np.pi * np.geomspace(2, 1500, 130)
 DT = 1 / 4000
 # outputs, inputs, rigid-body modes, flexible modes, side, sample time
 CASES = [
-    (4, 4, 3, 5, "input", None),
+    slow(4, 4, 3, 5, "input", None),
     slow(4, 4, 1, 7, "input", None),
     slow(4, 4, 2, 6, "input", None),  # its optimum is far: ten times the others
     slow(4, 4, 1, 5, "input", None),
-    (3, 3, 3, 3, "input", None),
+    slow(3, 3, 3, 3, "input", None),
+    (3, 3, 2, 2, "input", None),
     (1, 1, 1, 3, "input", None),
-    (2, 4, 1, 7, "input", None),
+    slow(2, 4, 1, 7, "input", None),
     slow(4, 4, 3, 5, "output", None),
-    (2, 2, 2, 4, "input", DT),
-    (3, 3, 1, 5, "input", DT),
-    (4, 2, 1, 3, "output", DT),
+    slow(2, 2, 2, 4, "input", DT),
+    (2, 2, 2, 1, "input", DT),
+    slow(3, 3, 1, 5, "input", DT),
+    slow(4, 2, 1, 3, "output", DT),
+    (3, 2, 1, 2, "output", DT),
 ]
 
 
@@ -124,11 +127,11 @@ def test_rigid_poles_are_exact_and_directions_found(ny, nu, count, modes, side, 
         assert relative_error(exact.fraction.response(OMEGA), truth) <= 1e-8
 
 
-@pytest.mark.parametrize("seeds", [1, slow(3)])
-def test_directions_are_refined_with_less_noise(seeds):
+@pytest.mark.parametrize(("seeds", "modes"), [(1, 2), slow(3, 5)])
+def test_directions_are_refined_with_less_noise(seeds, modes):
     """Angle to the truth proportional to the noise, for every machine."""
     for seed in range(seeds):
-        plant = machine(seed, 3, 3, 1, 5)
+        plant = machine(seed, 3, 3, 1, modes)
         fits = [fitted(plant, seed, level, 1)[0] for level in (1e-2, 1e-3, 1e-4)]
         angles = [angle(fit.rigid_directions, plant.drives) for fit in fits]
         assert angles[1] <= 0.2 * angles[0]
@@ -146,7 +149,7 @@ def test_given_directions_are_held_exactly():
     assert relative_error(fit.fraction.response(OMEGA), truth) <= 2e-3
 
 
-@pytest.mark.parametrize(("ny", "nu", "count", "modes"), [(1, 1, 1, 3), (2, 2, 2, 4), (2, 2, 1, 3)])
+@pytest.mark.parametrize(("ny", "nu", "count", "modes"), [(1, 1, 1, 3), (2, 2, 2, 2), (2, 2, 1, 3), slow(2, 2, 2, 4)])
 def test_factor_inside(ny, nu, count, modes):
     """With as many modes as inputs both factors are the same set; else the poles are exact all the same."""
     plant = machine(1, ny, nu, count, modes)

@@ -81,16 +81,17 @@ def test_the_structured_solver_agrees_with_the_conic_solver(case):
 
 def test_both_forms_give_the_same_margin():
     for case in CASES:
-        problem = random_problem(3, case, 12, spread=0.2, noise=4.0)
+        problem = random_problem(3, case, 10, spread=0.2, noise=4.0)
         paper, ours = rid.identify(problem, form="classical", accuracy=1e-5), rid.identify(problem)
         assert paper.margin == pytest.approx(ours.margin, abs=1e-5 * max(1, ours.margin))
 
 
+@pytest.mark.parametrize("seeds", [3, slow(8)])
 @pytest.mark.parametrize("case", [slow(one) if one == "time" else one for one in MIXED_IS_SLOW])
-def test_order_is_minimal(case):
+def test_order_is_minimal(case, seeds):
     """No pole-zero cancellations: the Hankel singular values of the scaled central part stay away from rounding."""
     smallest = []
-    for seed in range(8):
+    for seed in range(seeds):
         problem = random_problem(seed, case, 12)
         result = rid.identify(problem)
         n, rho = problem.coefficients - (problem.taylor > 0), problem.prior.decay_rate
@@ -99,7 +100,7 @@ def test_order_is_minimal(case):
         hankel = np.sqrt(np.abs(np.linalg.eigvals(P @ Q)))
         smallest.append(hankel.min() / hankel.max())
     # One state too many would show as 1e-8 (the square root of the rounding of PQ) in every seed.
-    assert np.sum(np.array(smallest) > 1e-7) >= 7
+    assert np.sum(np.array(smallest) > 1e-7) >= seeds - 1
 
 
 @pytest.mark.parametrize("size", [{"lines": 5, "samples": 4}, slow(None)])
@@ -148,7 +149,7 @@ def test_inconsistent_data_come_with_a_proof_and_a_model():
         result.require()
 
 
-@pytest.mark.parametrize("seeds", [5, slow(10)])
+@pytest.mark.parametrize("seeds", [2, slow(10)])
 def test_more_data_never_lower_the_margin(seeds):
     """Dropping samples from inconsistent problems: the margin never grows."""
     for seed in range(seeds):

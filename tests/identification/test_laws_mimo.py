@@ -88,9 +88,8 @@ def test_independent_blocks():
 @pytest.mark.parametrize(
     ("joint", "form"),
     [
-        ("entry", "taylor"),
         ("column", "orthonormal"),
-        *(slow(*c) for c in (("entry", "orthonormal"), ("column", "taylor"))),
+        *(slow(*c) for c in (("entry", "orthonormal"), ("entry", "taylor"), ("column", "taylor"))),
     ],
 )
 def test_the_order_of_the_channels(form, joint):
@@ -123,16 +122,16 @@ def test_units_of_the_channels_change_nothing(solver):
     np.testing.assert_allclose(values(two.model), values(one.model) * units, rtol=1e-9)
 
 
-def test_transposed_data_have_the_transposed_model():
-    for p, q in ((2, 3), (2, 2)):
-        problem, _ = random_matrix_problem(7, p, q, 3, factor=0.8, parametric=rid.kautz(0.5, 0.1, dt=1.0))
-        other = with_values(problem, lambda array: array.swapaxes(1, 2))
-        one, two = solved(problem), solved(other)
-        assert one.margin > 0.05
-        assert two.margin == pytest.approx(one.margin, rel=1e-7)
-        near(values(two.model), values(one.model).swapaxes(1, 2), 1e-7)
-        near(two.parameters, one.parameters.swapaxes(1, 2), 1e-6)
-        assert one.order == two.order
+@pytest.mark.parametrize(("p", "q"), [(1, 2), slow(2, 3), slow(2, 2)])
+def test_transposed_data_have_the_transposed_model(p, q):
+    problem, _ = random_matrix_problem(7, p, q, 3, factor=0.8, parametric=rid.kautz(0.5, 0.1, dt=1.0))
+    other = with_values(problem, lambda array: array.swapaxes(1, 2))
+    one, two = solved(problem), solved(other)
+    assert one.margin > 0.05
+    assert two.margin == pytest.approx(one.margin, rel=1e-7)
+    near(values(two.model), values(one.model).swapaxes(1, 2), 1e-7)
+    near(two.parameters, one.parameters.swapaxes(1, 2), 1e-6)
+    assert one.order == two.order
 
 
 @pytest.mark.parametrize("side", ["right", slow("left")])

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.loop_mistakes import MISTAKES, case_of, truth_of
 from support.refusals import refused
 
 NAMED, ACCUSED = 0.95, 0.02
 
 
-@pytest.mark.parametrize(("seeds", "samples"), [(range(1), 300), pytest.param(range(50), 600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seeds", "samples"), [(range(1), 150), slow(range(50), 600)])
 def test_every_mistake_that_stands_out_of_the_noise_is_named(seeds, samples):
     counted = 0
     for mistake in MISTAKES:
@@ -25,20 +26,20 @@ def test_every_mistake_that_stands_out_of_the_noise_is_named(seeds, samples):
     assert counted >= 0.8 * len(MISTAKES) * len(seeds)
 
 
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(200), marks=pytest.mark.slow)])
-def test_a_record_without_mistakes_is_told_nothing(seeds):
+@pytest.mark.parametrize(("seeds", "samples"), [(4, 200), slow(200, 600)])
+def test_a_record_without_mistakes_is_told_nothing(seeds, samples):
     told = []
-    for seed in seeds:
-        case = case_of("", seed)
+    for seed in range(seeds):
+        case = case_of("", seed, samples=samples)
         told += [(seed, faults)] if (faults := case.loop.faults(case.record)) else []
-    assert len(told) <= ACCUSED * len(seeds), told
+    assert len(told) <= ACCUSED * seeds, told
 
 
 CONTROLLER = control.ss(control.tf([0.8, -0.5], [1, -0.6], 0.1))
 PLANT = control.ss(0.9, 1.0, 0.2, 0.0, 0.1)
 
 
-def record_of(controller=CONTROLLER, samples=400):
+def record_of(controller=CONTROLLER, samples=200):
     """An exact record of the loop, u = r - C y."""
     r = np.random.default_rng(0).standard_normal(samples)
     y = control.forced_response(control.feedback(PLANT, controller), inputs=r).outputs
@@ -55,7 +56,7 @@ def record_of(controller=CONTROLLER, samples=400):
         ({"u": lambda one: -one.u}, "sign", "input u", -1),
         ({"y": lambda one: np.roll(one.y, 2)}, "late", "controller", -2),
         ({"y": lambda one: one.y + 0.25}, "offset", "output", 0.25),
-        ({"u": lambda one: np.clip(one.u, -1.5, 1.5)}, "saturated", "input", 0.1325),
+        ({"u": lambda one: np.clip(one.u, -1.5, 1.5)}, "saturated", "input", 0.13),
     ],
 )
 def test_the_fault_says_where_and_how_large(change, kind, where, size):
@@ -101,7 +102,7 @@ def test_a_controller_starts_at_any_state():
     truth = truth_of(1)
     assert np.abs(np.linalg.eigvals(truth.controller.A)).max() > 1 - 1e-9  # it integrates
     for seed in range(2):
-        case = case_of("", seed)
+        case = case_of("", seed, samples=200)
         assert case.loop.faults(case.record) == ()
 
 

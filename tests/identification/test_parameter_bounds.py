@@ -83,7 +83,7 @@ def test_the_extremes_of_a_coefficient_are_the_ends_of_its_interval():
 
 
 @pytest.mark.parametrize("seeds", [1, slow(20)])
-@pytest.mark.parametrize("kind", [slow(k) if k in KINDS[::2] else k for k in KINDS])
+@pytest.mark.parametrize("kind", [k if k in KINDS[1:4:2] else slow(k) for k in KINDS])
 def test_margin_against_the_paper_s_theorem(kind, seeds):
     """Clarabel on the printed inequality with the intervals written out; Taylor forms enclose the same number."""
     active = positive = 0
@@ -170,7 +170,7 @@ def test_a_certificate_belongs_to_its_intervals(seeds):
         assert not proof.verify(data.rows, data.sarason) or result.margin_lower < 1e-6
 
 
-@pytest.mark.parametrize("seeds", [6, slow(30)])
+@pytest.mark.parametrize("seeds", [3, slow(30)])
 def test_certificates_from_arbitrary_multipliers_hold_for_members(seeds):
     """Random multipliers, good or bad: no member with coefficients in their intervals is below the value."""
     proved = 0

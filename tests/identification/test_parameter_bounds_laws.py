@@ -39,7 +39,7 @@ def test_units_do_not_matter(power, form, kinds):
 def test_intervals_around_the_truth_never_refute(form, seeds):
     for seed in range(seeds):
         problem, p = truthful(seed)
-        before, step = rid.identify(problem, form=form).margin, 1 if form == "orthonormal" or seeds > 1 else 2
+        before, step = rid.identify(problem, form=form).margin, 1 if form == "orthonormal" or seeds > 1 else 4
         for half in (3.0, 0.3, 1e-3, 1e-9, 0.0)[::step]:  # nested: the margin only rises
             aside = half * np.random.default_rng(seed).uniform(-1, 1, (2, 1)) * (half == 3)
             bounds = np.stack([p - half, p + half], 1) + aside
@@ -50,9 +50,10 @@ def test_intervals_around_the_truth_never_refute(form, seeds):
             before = result.margin_lower if half < 3 else before
 
 
-def test_a_fixed_coefficient_belongs_to_the_data():
+@pytest.mark.parametrize("seeds", [2, slow(6)])
+def test_a_fixed_coefficient_belongs_to_the_data(seeds):
     """The margin is that of the data minus the known function, with the other function alone."""
-    for seed in range(6):
+    for seed in range(seeds):
         problem = tight(seed)
         basis, value = problem.parametric, 1.7
         rest = dataclasses.replace(basis, C=basis.C[1:], D=basis.D[1:], functions=basis.functions[1:])
@@ -76,12 +77,16 @@ def test_free_ends_change_nothing():
     assert np.array_equal(first.parameters, second.parameters)
 
 
-@pytest.mark.parametrize("objective", ["center", "margin", "gain", "order"])
-def test_every_objective_keeps_to_the_intervals(objective):
-    for kind, noises in (("outside", (0.5, 2.0)), ("one side", (2.0,)), ("fixed", (0.5,)), ("wide", (2.0,))):
-        for noise in noises:
-            problem = bounded(random_problem(2, "parametric", 8, spread=0.4, noise=noise), kind, 2)
-            assert inside(identified(problem, objective=objective))
+@pytest.mark.parametrize(
+    ("objective", "kind", "noise"),
+    every_one(
+        ["center", "margin", "gain", "order"],
+        [("outside", 0.5), ("outside", 2.0), ("one side", 2.0), ("fixed", 0.5), ("wide", 2.0)],
+    ),
+)
+def test_every_objective_keeps_to_the_intervals(objective, kind, noise):
+    problem = bounded(random_problem(2, "parametric", 8, spread=0.4, noise=noise), kind, 2)
+    assert inside(identified(problem, objective=objective))
 
 
 def test_unknown_states_and_intervals_together():

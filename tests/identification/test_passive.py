@@ -9,7 +9,7 @@ import robustid as rid
 from robustid.advice import diagnose
 from robustid.errors import SizeError
 from robustid.identification import verify_margin_exactly
-from support.cases import seeds
+from support.cases import seeds, slow
 from support.passive import reactance, scattering, smallest_factor
 
 
@@ -148,14 +148,14 @@ def test_lightly_damped_modes_beside_a_positive_real_rest(seed):
         assert rid.identify(problem_of(omega, values, bound, rid.PositiveReal(decay=4.0))).margin > 2
 
 
-def transfer_mobility(seed):
+def transfer_mobility(seed, points=3):
     """Two ports: modes of 1 % damping with one shape each (residues of rank one), a positive-real rest, noise at its bounds."""
     rng = np.random.default_rng(seed)
     w, zeta = np.array([5.0, 12.0]), np.array([0.01, 0.008])
     shapes = rng.uniform(0.5, 1, (2, 2)) * np.array([[1, 1], [1, -1]])
     residues = shapes[:, :, None] * shapes[:, None, :]
     rest = reactance(rng, 2, 4.0, 2, size=20.0, loss=1.0)
-    omega = np.sort(np.concatenate([rng.uniform(2, 16, 3), w * (1 + rng.uniform(-0.01, 0.01, 2))]))
+    omega = np.sort(np.concatenate([rng.uniform(2, 16, points), w * (1 + rng.uniform(-0.01, 0.01, 2))]))
 
     def at(s):
         s = np.asarray(s)
@@ -175,10 +175,10 @@ def functions_of(modes, omega):
     return functions.reshape(omega.size, -1)
 
 
-@pytest.mark.parametrize("seed", seeds(1, 20))
-def test_modes_of_several_ports_beside_a_positive_real_rest(seed):
+@pytest.mark.parametrize(("seed", "points"), [(0, 1), *(slow(seed, 3) for seed in range(20))])
+def test_modes_of_several_ports_beside_a_positive_real_rest(seed, points):
     """The class holds that of positive semidefinite residues: its margin is at most as large, and the truth is in its band."""
-    truth, omega, values, bound, modes = transfer_mobility(seed)
+    truth, omega, values, bound, modes = transfer_mobility(seed, points)
     problem = problem_of(omega, values, bound, rid.PositiveReal(decay=4.0), parametric=modes)
     found = rid.identify(problem).require()
     functions = functions_of(modes, omega)
@@ -188,7 +188,7 @@ def test_modes_of_several_ports_beside_a_positive_real_rest(seed):
     relaxed = smallest_factor(omega, values, bound, 4.0, modes=functions, ends=ends)
     assert found.margin == pytest.approx(relaxed, rel=1e-5, abs=1e-6)
     assert found.margin <= inside * (1 + 1e-5)
-    error = rid.worst_case_error(found, omega=[5.02], directions=4, rtol=0.2)
+    error = rid.worst_case_error(found, omega=[5.02], directions=4, rtol=0.2 if points > 1 else 0.8)
     away = np.abs(np.moveaxis(found.model(1j * error.omega), 2, 0) - truth(1j * error.omega))
     assert np.all(away <= error.upper * (1 + 1e-9))
     assert error.verify()
@@ -198,14 +198,14 @@ def test_modes_of_several_ports_beside_a_positive_real_rest(seed):
 
 def test_what_contradicts_a_class_is_said():
     rng = np.random.default_rng(9)
-    omega = np.linspace(0.5, 8, 12)
+    omega = np.linspace(0.5, 8, 7)
     values = reactance(rng, 1, 1.0, 3, loss=0.5)(1j * omega)[:, 0, 0]
     one = values.copy()
     one[4] -= 2 * one[4].real  # negative resistance at one frequency point
     found = rid.identify(problem_of(omega, one, 1e-3, rid.PositiveReal(decay=1.0)))
     assert found.status is rid.Status.INCONSISTENT
     words = diagnose(found).summary()
-    assert f"not passive at 1 of 12 frequency points by themselves, most at {omega[4] / (2 * np.pi):.5g} Hz" in words
+    assert f"not passive at 1 of 7 frequency points by themselves, most at {omega[4] / (2 * np.pi):.5g} Hz" in words
     for factor, change in ((-1, "opposite sign"), (1 / (1j * omega), "times j omega"), (1j * omega, "over j omega")):
         found = diagnose(rid.identify(problem_of(omega, values * factor, 1e-3, rid.PositiveReal(decay=1.0))))
         assert change in found.best().name

@@ -13,16 +13,18 @@ from robustid.identification.solver import analytic_center, gain_path, margin_pa
 from support.cases import slow
 from support.interrupts import ctrl_c
 from support.matrix_plants import judge_margin
+from support.pairwise import every_one
 from support.problems import CASES, MIXED_IS_SLOW, identified, in_units, random_problem
 
 # --- decisions on the border, and degenerate input --------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 @pytest.mark.parametrize("case", [slow(one) if one == "time" else one for one in MIXED_IS_SLOW])
-def test_barely_feasible_problems_are_decided(case):
+def test_barely_feasible_problems_are_decided(case, seeds):
     """K from the gain path such that the margin is 1 + d: the margin path returns it, and the proof decides."""
     decided = 0
-    for seed in range(3):
+    for seed in range(seeds):
         problem = random_problem(40 + seed, case, 10, spread=0.5, noise=1.5)
         K = problem.prior.gain_bound
         for d in (-1e-6, 1e-6):
@@ -83,10 +85,11 @@ def test_equal_lines_that_contradict_each_other(form):
     assert result.margin >= radius / 0.1 - 1e-9
 
 
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 @pytest.mark.parametrize("case", CASES)
-def test_every_bound_active(case):
+def test_every_bound_active(case, seeds):
     """Data at distance exactly 1 of a member, in every sample: consistent, and never proved to be below what it is."""
-    for seed in range(3):
+    for seed in range(seeds):
         problem = random_problem(seed, case, 12, noise=0.0)
         rng = np.random.default_rng(seed)
         off_lines = [f.bound * np.exp(1j * rng.uniform(0, 6.3, f.values.shape)) for f in problem.frequency]
@@ -107,7 +110,7 @@ def test_every_bound_active(case):
         assert both.margin_lower == pytest.approx(1, abs=2e-6)
 
 
-@pytest.mark.parametrize("form", ["orthonormal", "taylor"])
+@pytest.mark.parametrize("form", ["orthonormal", slow("taylor")])
 def test_gain_barely_enough_for_exact_values(form):
     """One line at omega = 0: the margin is (value - K)/bound, here 1e-7 from 1 on either side."""
     for d in (-1e-7, 1e-7):
@@ -131,8 +134,7 @@ def test_a_decay_rate_near_one(rho):
     assert tight.margin >= (0.9 - 0.5) / 0.01
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
+@pytest.mark.parametrize(("case", "scale"), every_one(CASES, [1e-6, 1e6]))
 def test_badly_scaled_bounds_and_units(case, scale):
     """Data, bounds and K in other units have the same margin; bounds alone scale it."""
     problem = random_problem(3, case, 12, spread=0.2, noise=4.0)

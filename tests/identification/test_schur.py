@@ -172,7 +172,11 @@ def smooth(rng, M, decay):
 
 @pytest.mark.parametrize(
     ("M", "decay", "tolerance"),
-    [(800, 0.9, 1e-6), (300, 1.0, 0.1), *(slow(*c) for c in ((800, 0.9, 1e-1), (800, 0.9, 1e-10), (1500, 0.9, 1e-8)))],
+    [
+        (800, 0.9, 1e-6),
+        (100, 1.0, 0.1),
+        *(slow(*c) for c in ((300, 1.0, 0.1), (800, 0.9, 1e-1), (800, 0.9, 1e-10), (1500, 0.9, 1e-8))),
+    ],
 )
 def test_the_error_stays_within_the_bound_and_the_order_is_the_smallest(M, decay, tolerance):
     g = smooth(np.random.default_rng(7), M, decay)

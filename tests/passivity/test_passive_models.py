@@ -85,7 +85,7 @@ def test_poles_that_stand_in_the_way_are_moved():
     assert np.max(np.abs(values(passive.model, omega) - values(truth, omega))) < 1e-4
 
 
-@pytest.mark.parametrize("kind", ["bounded real", "positive real"])
+@pytest.mark.parametrize("kind", ["bounded real", slow("positive real")])
 def test_noisy_networks_become_passive_and_come_nearer_to_the_truth(kind):
     rng = np.random.default_rng(0)
     truth = foster(rng, 2, 2, damping=0.05, resistance=0.02)
@@ -168,7 +168,7 @@ def test_networks_are_passive_at_most_a_tenth_worse_than_the_vector_fit(name, po
     assert error <= 1.1 * np.linalg.norm(fitted)
 
 
-@pytest.mark.parametrize("ports", [1, 2])
+@pytest.mark.parametrize("ports", [1, slow(2)])
 def test_a_fit_of_a_compliance_is_made_negative_imaginary(ports):
     """A fit whose second mode has the wrong sign by a little: among models with its poles none comes nearer to the data."""
     omega = np.geomspace(0.3, 300, 80)

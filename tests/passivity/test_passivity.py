@@ -117,7 +117,7 @@ def test_random_networks_are_all_proved(seeds):
             assert rid.prove_passive(lossless_at_the_ends, kind=kind).holds
 
 
-@pytest.mark.parametrize("seeds", [2, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [1, pytest.param(60, marks=pytest.mark.slow)])
 def test_random_models_against_a_grid(seeds):
     """What is claimed to be a bound is above every value, and the peak above those of a fine grid."""
     omega = np.geomspace(1e-3, 1e3, 1000)
@@ -217,7 +217,7 @@ def times(factor, model):
     return control.StateSpace(model.A, model.B, factor * model.C, factor * model.D, 0)
 
 
-@pytest.mark.parametrize("networks", [4, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("networks", [2, pytest.param(16, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("ports", [1, 2])
 def test_next_to_the_limit_at_all_frequencies(ports, networks):
     """Lossless networks with a mode that hardly acts, less 2e-9: as much room as the rounding of P takes, so P is two matrices."""

@@ -7,6 +7,7 @@ import scipy.linalg as sla
 
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hankel_singular_values
+from support.cases import slow
 from support.reduction_models import SMALL_MODELS, gap, mode, peak, points_of, random_model, response
 from support.refusals import refusals
 
@@ -78,9 +79,10 @@ def test_bound_holds_at_every_order_of_random_models(match, discrete, models):
     assert checked > 6 * models
 
 
+@pytest.mark.parametrize("seeds", [10, slow(40)])
 @pytest.mark.parametrize("discrete", [False, True])
-def test_minimal_part_comes_out_balanced(discrete):
-    for seed in range(40):
+def test_minimal_part_comes_out_balanced(discrete, seeds):
+    for seed in range(seeds):
         model = random_model(np.random.default_rng(seed), discrete=discrete)
         n = model.nstates
         A, B = sla.block_diag(model.A, 0.3 if discrete else -1.0), np.vstack([model.B, np.zeros((1, model.ninputs))])
@@ -122,16 +124,18 @@ def test_unreachable_tolerance_keeps_the_full_order_and_says_so(model, tol):
     assert reduction.status is ReductionStatus.UNREDUCED
 
 
-def test_tolerance_takes_the_smallest_order_that_meets_it():
-    for seed in range(50):
+@pytest.mark.parametrize("seeds", [12, slow(50)])
+def test_tolerance_takes_the_smallest_order_that_meets_it(seeds):
+    for seed in range(seeds):
         model = random_model(np.random.default_rng(seed), discrete=bool(seed % 2))
         reduction = balanced_truncation(model, tol=0.3)
         assert reduction.bound <= 0.3 * reduction.hankel[0]
         assert reduction.order == 0 or reduction.bounds[reduction.order - 1] > 0.3 * reduction.hankel[0]
 
 
-def test_states_that_do_nothing_go_by_default():
-    for seed in range(50):
+@pytest.mark.parametrize("seeds", [12, slow(50)])
+def test_states_that_do_nothing_go_by_default(seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         model = random_model(rng, discrete=bool(seed % 2))
         doubled = model + 0.5 * model  # twice the states, the same poles
@@ -147,9 +151,10 @@ def test_order_above_the_rank_is_not_filled_with_noise():
     assert reduction.status is ReductionStatus.FEWER
 
 
+@pytest.mark.parametrize("seeds", [10, slow(40)])
 @pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_unstable_part_is_kept_exactly(discrete):
-    for seed in range(40):
+def test_unstable_part_is_kept_exactly(discrete, seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         stable = random_model(rng, discrete=discrete)
         free = np.array([[0.0, 1.0, 0], [0, 0, 0], [0, 0, 0.3]])  # a rigid body and a growing mode
@@ -176,8 +181,9 @@ def test_lightly_damped_is_not_taken_for_unstable():
         assert balanced_truncation(model, order=1).hankel[0] > 0.1 / distance
 
 
-def test_units_of_the_channels_scale_everything_exactly():
-    for seed in range(20):
+@pytest.mark.parametrize("seeds", [5, slow(20)])
+def test_units_of_the_channels_scale_everything_exactly(seeds):
+    for seed in range(seeds):
         model = random_model(np.random.default_rng(seed), discrete=bool(seed % 2))
         order = model.nstates // 2
         plain = balanced_truncation(model, order=order)
@@ -192,8 +198,9 @@ def test_units_of_the_channels_scale_everything_exactly():
             assert balanced_truncation(scaled, tol=0.1).order == balanced_truncation(model, tol=0.1).order
 
 
-def test_unit_of_time_changes_nothing():
-    for seed in range(20):
+@pytest.mark.parametrize("seeds", [5, slow(20)])
+def test_unit_of_time_changes_nothing(seeds):
+    for seed in range(seeds):
         model = random_model(np.random.default_rng(seed), discrete=False)
         plain = balanced_truncation(model, tol=0.1)
         for power in (-60, 60):
@@ -203,8 +210,9 @@ def test_unit_of_time_changes_nothing():
             np.testing.assert_allclose(other.hankel, plain.hankel, rtol=1e-9)
 
 
-def test_units_of_the_states_change_nothing():
-    for seed in range(20):
+@pytest.mark.parametrize("seeds", [5, slow(20)])
+def test_units_of_the_states_change_nothing(seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         model = random_model(rng, discrete=bool(seed % 2))
         scale = 2.0 ** rng.integers(-60, 60, model.nstates)

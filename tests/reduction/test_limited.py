@@ -10,6 +10,7 @@ import scipy.linalg as sla
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation
 from robustid.reduction.gramians import partial_gramian_factors, split
+from support.cases import slow
 from support.pairwise import every_one
 from support.reduction_models import gap, mode, peak, points_of, random_model, response
 from support.refusals import refusals
@@ -63,10 +64,11 @@ def test_gramians_of_a_band_are_the_integrals_over_it(discrete, band):
             np.testing.assert_allclose(got, expected, atol=1e-11 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("seeds", [1, slow(3)])
 @pytest.mark.parametrize("discrete", [False, True])
 @pytest.mark.parametrize("horizon", [0.2, 1.3, 6.0])
-def test_gramians_of_a_horizon_are_the_integrals_over_it(discrete, horizon):
-    for seed in range(3):
+def test_gramians_of_a_horizon_are_the_integrals_over_it(discrete, horizon, seeds):
+    for seed in range(seeds):
         model = damped_model(seed, discrete=discrete)
         (seen, reached), parts = gramians(model, horizon=horizon)
 
@@ -101,17 +103,18 @@ def test_gramian_with_a_weight_is_the_integral_over_all_frequencies(discrete):
             y = w * y if w.shape == (1, 1) else w @ y
             return measure * (y.conj().T @ y).real
 
-        exact = integral(integrand, gauss(np.linspace(0, np.pi, 400), 10)) / np.pi
+        exact = integral(integrand, gauss(np.linspace(0, np.pi, 150), 10)) / np.pi
         np.testing.assert_allclose(seen, exact, atol=1e-10 * np.abs(exact).max())
         solve = sla.solve_discrete_lyapunov if dt else (lambda a, q: sla.solve_continuous_lyapunov(a, -q))
         plain = solve(parts.a, parts.b @ parts.b.T)
         np.testing.assert_allclose(reached, plain, atol=1e-12 * np.abs(plain).max())
 
 
+@pytest.mark.parametrize("seeds", [4, slow(10)])
 @pytest.mark.parametrize("discrete", [False, True])
 @pytest.mark.parametrize("limits", [{"band_hz": (0, np.inf)}, {"horizon": 1e5}, {"weight": 1.0}])
-def test_limits_that_hold_everything_give_the_plain_truncation(discrete, limits):
-    for seed in range(10):
+def test_limits_that_hold_everything_give_the_plain_truncation(discrete, limits, seeds):
+    for seed in range(seeds):
         model = random_model(np.random.default_rng(seed), discrete=discrete)
         if np.min(np.abs(np.log(np.abs(model.poles())) / 0.2 if discrete else model.poles().real)) * 1e5 < 40:
             continue
@@ -148,7 +151,7 @@ def test_a_weight_keeps_the_mode_where_it_is_large(dt):
     np.testing.assert_allclose(np.abs(np.log(poles) / dt if dt else poles) / (2 * np.pi), 1, rtol=0.05)
 
 
-@pytest.mark.parametrize("models", [5, pytest.param(15, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("models", [2, pytest.param(15, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("discrete", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_weighted_truncation_is_stable_at_every_order(discrete, models):
     for seed in range(models):
@@ -173,7 +176,7 @@ def test_unstable_outcome_of_a_band_is_said(models):
     assert told == {False, True}
 
 
-@pytest.mark.parametrize("models", [4, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("models", [2, pytest.param(10, marks=pytest.mark.slow)])
 def test_static_gain_of_a_discrete_model_is_the_bilinear_image_of_the_continuous_one(models):
     # Liu and Anderson: states at rest are at rest in both, unlike states set to zero.
     for seed in range(models):

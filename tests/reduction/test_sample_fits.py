@@ -14,6 +14,7 @@ from robustid.reduction import best_models, sample_fits
 from robustid.reduction.pole_starts import sanathanan_koerner, statespace
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
+from support.cases import slow
 from support.paper_plant import mixed, structure
 
 pytestmark = pytest.mark.quick
@@ -69,9 +70,10 @@ def test_columns_of_the_poles_are_the_derivatives():
         np.testing.assert_allclose((plus - minus) / (2 * step), -J[:, k], atol=1e-7 * np.abs(J).max())
 
 
-def test_smallest_maximum_is_that_of_another_solver():
+@pytest.mark.parametrize("seeds", [5, slow(12)])
+def test_smallest_maximum_is_that_of_another_solver(seeds):
     """12 random programs with complex and real samples, free and bounded unknowns, one with dependent columns."""
-    for seed in range(12):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         F, T, n, held = rng.integers(3, 30), rng.integers(0, 30), rng.integers(1, 5), 2
         G = rng.standard_normal((F + T, n + held)) + 0j
@@ -102,8 +104,8 @@ def test_noise_free_samples_give_the_poles_back_from_a_cold_start():
 
 
 def test_minimax_model_is_a_local_optimum_with_equal_extremes():
-    """No direction of poles and numerators lowers all the largest residuals: by linear programming, at 5 seeds."""
-    for seed in range(5):
+    """No direction of poles and numerators lowers all the largest residuals: by linear programming, at 2 seeds."""
+    for seed in range(2):
         problem = structure(seed)
         samples = sample_map(problem, 0)
         start = sample_fits.least_squares(
@@ -159,12 +161,11 @@ def test_columns_that_overflow_have_no_part(bad):
 
 
 def test_a_start_whose_factorisation_fails_leaves_the_others(monkeypatch):
-    """The smallest order is found as without it."""
-    identification = rid.identify(mixed("rest", samples=25))
-    wanted = rid.reduce_within_bounds(identification).order
+    """The smallest order, that of the plant, is found as without it."""
+    identification = rid.identify(mixed("rest", samples=12))
 
     def fails(*_):
         raise np.linalg.LinAlgError("SVD did not converge")
 
     monkeypatch.setattr(best_models.pole_starts, "sanathanan_koerner", fails)
-    assert rid.reduce_within_bounds(identification).order == wanted
+    assert rid.reduce_within_bounds(identification).order == 4

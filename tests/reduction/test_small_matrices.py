@@ -136,6 +136,7 @@ def test_truth_of_known_order_bounds_the_order_found_in_joint_bounds(kind):
     found_at(problem, truth, 4)
 
 
+@pytest.mark.slow
 def test_rigid_body_of_a_matrix_is_exact():
     """Two modes with two poles at z = 1 each, asked for by name; one flexible mode beside them."""
     rng = np.random.default_rng(8)

@@ -16,6 +16,7 @@ from support.paper_plant import AS_THE_PAPER, mixed, structure
 from support.problems import random_problem, rigid_structure
 
 PAIRS = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
+LIGHT = rid.kautz(2 * np.pi * 17.67, 0.004, dt=0.01, delay=1)
 RIGID, BOTH = rigid_structure()
 
 
@@ -47,7 +48,7 @@ def check(problem, result, reduction):
     assert reduction.hankel.size <= result.order
 
 
-@pytest.mark.parametrize("parametric", [True, False])
+@pytest.mark.parametrize("parametric", [True, slow(False)])
 def test_plant_of_order_four_comes_out_at_order_four(parametric):
     """Slow: 20 seeds, below."""
     problem = structure(int(parametric), parametric=parametric)
@@ -60,11 +61,11 @@ def test_plant_of_order_four_comes_out_at_order_four(parametric):
     assert judged_again(problem, reduction.model) <= 1
 
 
-@pytest.mark.parametrize("seeds", [1, slow(4)])
-def test_from_another_objective_too_every_sample_is_kept(seeds):
+@pytest.mark.parametrize(("seeds", "sizes"), [(1, {}), slow(4, AS_THE_PAPER)])
+def test_from_another_objective_too_every_sample_is_kept(seeds, sizes):
     """All seeds: every sample inside, the margins reported are those of the samples, and no smaller order was skipped."""
     for seed in range(seeds):
-        result = rid.identify(structure(seed, **AS_THE_PAPER), objective="gain")
+        result = rid.identify(structure(seed, **sizes), objective="gain")
         reduction = rid.reduce_within_bounds(result)
         worst = max(r.ratio.max() for r in model_residuals(result.problem, reduction.model))
         assert worst == pytest.approx(reduction.margin, rel=1e-12)
@@ -77,14 +78,15 @@ def test_from_another_objective_too_every_sample_is_kept(seeds):
         assert error <= reduction.bound + 1e-9 * 7  # of the peak: rounding
 
 
-def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
+@pytest.mark.parametrize("beside", [False, slow(True)])
+def test_poles_of_the_parametric_part_are_kept_where_they_suffice(beside):
     """Known poles stay, and the model is near the truth between the samples, where moved poles are not."""
-    data, problem = rid.datasets.flexible_structure(), structure(0, **AS_THE_PAPER)
+    data, problem = rid.datasets.flexible_structure(), structure(0)
     light = rid.kautz(data.modes[1, 0], data.modes[1, 1], dt=0.01, delay=1)
     wide = rid.Prior(gain_bound=18.4, decay_rate=1.051)
     angles = 2 * np.pi * np.linspace(1, 21, 2001) * 0.01
     errors = []
-    for changes in ({"parametric": light, "prior": wide}, {"parametric": None, "prior": wide}):
+    for changes in ({"parametric": light, "prior": wide}, {"parametric": None, "prior": wide})[: 1 + beside]:
         one = dataclasses.replace(problem, **changes)
         reduction = rid.reduce_within_bounds(rid.identify(one))
         assert reduction.order == 4
@@ -92,7 +94,8 @@ def test_poles_of_the_parametric_part_are_kept_where_they_suffice():
         for pole in one.parametric.poles if one.parametric else ():
             assert np.abs(reduction.model.poles() - pole).min() < 1e-9
         errors.append(np.abs(response(reduction.model, angles) - response(data.truth, angles)).max())
-    assert errors[0] < 0.1 < 0.5 < errors[1]
+    assert errors[0] < 0.1
+    assert not beside or errors[1] > 0.5
 
 
 @pytest.mark.slow
@@ -109,8 +112,9 @@ def test_plant_of_order_four_at_twenty_seeds(parametric, least):
     assert found >= least
 
 
-@pytest.mark.parametrize("seeds", [1, slow(2)])
-@pytest.mark.parametrize("case", ["parametric", *(slow(one) for one in ("mixed", "time", "frequency"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [1, 2])
+@pytest.mark.parametrize("case", ["parametric", "mixed", "time", "frequency"])
 def test_truth_of_known_order_bounds_the_order_found(case, seeds):
     """Random plants: G of order 4 and, parametric, a pair more; their truth is inside the bounds."""
     for seed in range(seeds):
@@ -125,7 +129,7 @@ def test_truth_of_known_order_bounds_the_order_found(case, seeds):
 
 @pytest.mark.parametrize("kind", [slow("free"), "periodic"])
 def test_records_from_an_unknown_state_and_in_steady_state(kind):
-    problem = mixed(kind, samples=25)
+    problem = mixed(kind, samples=15)
     result = rid.identify(problem)
     reduction = rid.reduce_within_bounds(result)
     check(problem, result, reduction)
@@ -134,27 +138,27 @@ def test_records_from_an_unknown_state_and_in_steady_state(kind):
 
 
 def rigid_problem(basis):
-    omega = 2 * np.pi * np.linspace(1, 40, 20)
-    F = BOTH(np.exp(1j * omega * 0.01))
-    error = 0.9 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=20))
+    omega = 2 * np.pi * np.linspace(1, 40, 12)
+    F = RIGID(np.exp(1j * omega * 0.01)) + LIGHT.response(omega * 0.01) @ [0.02, 0.01]
+    error = 0.9 * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=12))
     bound = 1e-2 * np.abs(F)
     frf = rid.FrequencyResponse(omega, F + bound * error, bound=bound, dt=0.01)
     return rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=2.0, decay_rate=1.02), parametric=basis)
 
 
 def test_rigid_body_of_the_parametric_part_and_one_that_is_asked_for_are_exact():
-    problem = rigid_problem([RIGID, PAIRS])
+    problem = rigid_problem([RIGID, LIGHT])
     result = rid.identify(problem)
     assert result.consistent
     for asked in (None, rid.RigidBody(1)):
         reduction = rid.reduce_within_bounds(result, rigid_body=asked)
         check(problem, result, reduction)
-        assert reduction.order == 6
+        assert reduction.order == 4
         assert np.sum(reduction.model.poles() == 1) == 2
     damped = control.ss([[1 - 1e-5, 0.01], [0, 1 - 1e-5]], [[0.5e-4], [0.01]], [[1, 0]], [[0]], 0.01)
-    problem = rigid_problem([damped, PAIRS])
+    problem = rigid_problem([damped, LIGHT])
     reduction = rid.reduce_within_bounds(rid.identify(problem), rigid_body=rid.RigidBody(1))
-    assert reduction.order == 6
+    assert reduction.order == 4
     assert np.sum(reduction.model.poles() == 1) == 2
 
 
@@ -172,13 +176,13 @@ def test_integrators_of_the_parametric_part_survive_another_objective():
 
 
 def test_order_and_margin_do_not_depend_on_units():
-    problem = structure(0, lines=5, samples=6)
+    problem = random_problem(0, "mixed", 8)
     first = rid.reduce_within_bounds(rid.identify(problem))
     gain = 2.0**40
     (frf,), (record,) = problem.frequency, problem.time
     frf = rid.FrequencyResponse(frf.omega, gain * frf.values, bound=gain * frf.bound, dt=frf.dt)
     record = rid.TimeRecord(record.u, gain * record.y, bound=gain * record.bound, dt=record.dt)
-    prior = rid.Prior(gain_bound=0.2 * gain, decay_rate=1.1)
+    prior = dataclasses.replace(problem.prior, gain_bound=problem.prior.gain_bound * gain)
     scaled = dataclasses.replace(problem, frequency=frf, time=record, prior=prior)
     second = rid.reduce_within_bounds(rid.identify(scaled))
     assert second.order == first.order
@@ -216,13 +220,13 @@ def test_wrong_poles_contradict_the_class_and_the_small_model_says_that_it_is_no
 def test_bounds_that_no_smaller_order_meets_leave_the_model_as_it_is():
     """White noise in bounds of a millionth: as many poles as samples are needed, or almost."""
     rng = np.random.default_rng(0)
-    noise = rng.standard_normal(5) + 1j * rng.standard_normal(5)
-    frf = rid.FrequencyResponse(np.linspace(30, 280, 5), noise, bound=1e-6, dt=0.01)
+    noise = rng.standard_normal(4) + 1j * rng.standard_normal(4)
+    frf = rid.FrequencyResponse(np.linspace(30, 280, 4), noise, bound=1e-6, dt=0.01)
     prior = rid.Prior(gain_bound=1e3, decay_rate=1.01)
     result = rid.identify(rid.MixedProblem(frequency=frf, prior=prior))
     assert result.consistent
     reduction = rid.reduce_within_bounds(result)
-    assert reduction.order > 3  # 2 * 5 numbers need 10 parameters: 4 poles with 5 numerators leave none
+    assert reduction.order > 3  # 2 * 4 numbers need 8 parameters: 3 poles with 4 numerators are 7
     if reduction.status is SearchStatus.UNREDUCED:
         assert reduction.model is result.model
     else:
@@ -231,7 +235,7 @@ def test_bounds_that_no_smaller_order_meets_leave_the_model_as_it_is():
 
 def test_search_that_finds_nothing_returns_the_identified_model(monkeypatch):
     monkeypatch.setattr("robustid.reduction.best_models.largest_ratio", lambda problem, model: 1.5)
-    data = rid.datasets.flexible_structure(lines=3, samples=2)
+    data = rid.datasets.flexible_structure(lines=2, samples=1)
     prior = rid.Prior(gain_bound=10, decay_rate=1.015)
     result = rid.identify(rid.MixedProblem(frequency=data.frequency, time=data.time, prior=prior))
     reduction = rid.reduce_within_bounds(result)
@@ -268,7 +272,7 @@ def test_a_start_on_the_circle_is_drawn_inside():
 # --- time -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=[True, False])
+@pytest.fixture(scope="module", params=[True, slow(False)])
 def searched(request):
     """A problem whose bounds hold, or are too narrow, its identification, and the whole search."""
     problem = structure(1, parametric=False)

@@ -121,8 +121,9 @@ def test_truth_of_known_order_bounds_the_order_found(size, modes, count, seed):
     found_at(rid.MixedProblem(frequency=frequency, prior=prior, parametric=basis), truth, 2 * modes)
 
 
-def test_smallest_maximum_of_joint_bounds_is_that_of_another_solver():
-    for seed in range(6):
+@pytest.mark.parametrize("seeds", [2, slow(6)])
+def test_smallest_maximum_of_joint_bounds_is_that_of_another_solver(seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         F, T, n = 14, 6, 4
         G, y = (rng.standard_normal((F + T, n)) + 0j, rng.standard_normal(F + T) + 0j)
@@ -144,11 +145,11 @@ def test_smallest_maximum_of_joint_bounds_is_that_of_another_solver():
 def test_more_outputs_than_inputs_columns_and_a_record():
     """One input: the directions of the modes at the outputs are linear, and the heads are the inputs."""
     rng = np.random.default_rng(5)
-    truth, basis = plant(rng, 2, 3, 1)
+    truth, basis = plant(rng, 1, 3, 1)
     frf = lines(rng, truth, bound=0.03, count=7).with_column_bound(0.05 * np.sqrt(3))
     prior = rid.Prior(gain_bound=0.1, decay_rate=1.2)
     problem = rid.MixedProblem(frequency=frf, time=record(rng, truth), prior=prior, parametric=basis)
-    assert found_at(problem, truth, 4).model.D.shape == (3, 1)
+    assert found_at(problem, truth, 2).model.D.shape == (3, 1)
 
 
 def test_records_alone_from_an_unknown_state():

@@ -7,7 +7,9 @@ import scipy.linalg as sla
 
 SLICOT = {"build": 48, "CDplayer": 120, "iss1R": 270, "beam": 348}
 SMALL_MODELS = pytest.mark.parametrize(
-    "benchmark_model", [pytest.param(k, marks=pytest.mark.slow) if k == "beam" else k for k in SLICOT], indirect=True
+    "benchmark_model",
+    [pytest.param(k, marks=pytest.mark.slow) if k in ("beam", "iss1R") else k for k in SLICOT],
+    indirect=True,
 )
 
 
