@@ -4,6 +4,7 @@ from collections import Counter
 
 import pytest
 
+from support.cases import slow
 from support.fault_judge import STRENGTHS, catalogue, found_faults, judged
 from support.fault_plants import MEASURED, SIMULATED, measured, simulated
 from support.measured import realdata
@@ -22,7 +23,7 @@ def outcomes(plants, strengths=STRENGTHS, every=1):
     }
 
 
-@pytest.mark.parametrize("every", [9, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [18, *map(slow, (9, 1))])
 def test_clear_faults_are_named_with_what_undoes_them(every):
     found = outcomes({"arm": simulated("arm")}, ("clear",), every)
     missed = {name for (name, _, _), outcome in found.items() if outcome != "named"}
@@ -40,9 +41,10 @@ def test_on_all_plants_nearly_all_clear_faults_are_named(plants):
     }
 
 
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1000, 1200), marks=pytest.mark.slow)])
-def test_clean_measurements_are_told_nothing(seeds):
-    told = [
-        (name, seed, found) for seed in seeds for name in SIMULATED if (found := found_faults(simulated(name, seed)))
-    ]
-    assert len(told) <= TOLD * len(seeds) * len(SIMULATED), told
+@pytest.mark.parametrize(
+    ("plants", "seeds"),
+    [(("arm", "heater"), range(1)), *(slow(SIMULATED, each) for each in (range(1), range(1000, 1200)))],
+)
+def test_clean_measurements_are_told_nothing(plants, seeds):
+    told = [(name, seed, found) for seed in seeds for name in plants if (found := found_faults(simulated(name, seed)))]
+    assert len(told) <= TOLD * len(seeds) * len(plants), told

@@ -152,7 +152,7 @@ def suggest_roll_off(problem: MixedProblem) -> Prior | None:
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> omega = np.linspace(1.0, 60.0, 16)
+    >>> omega = np.linspace(1.0, 60.0, 10)
     >>> frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.002)
     >>> found = rid.advise.suggest_roll_off(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=1.0, decay=4.0)))
     >>> found.roll_off, bool(4 < found.corner < 20)

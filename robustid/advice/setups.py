@@ -87,11 +87,11 @@ def common_modes(setups: Setups, *, probability: float = 0.95) -> CommonModes:
     Examples
     --------
     >>> import numpy as np, robustid as rid
-    >>> omega, rng = np.linspace(40.0, 90.0, 101), np.random.default_rng(0)
+    >>> omega, rng = np.linspace(40.0, 90.0, 51), np.random.default_rng(0)
     >>> def setup(gains, first=50.0):
     ...     values = sum(g / (w**2 - omega**2 + 0.02j * w * omega) for g, w in zip(gains, (first, 70.0)))
-    ...     noise = 2e-5 * (rng.standard_normal(101) + 1j * rng.standard_normal(101))
-    ...     return rid.FrequencyResponse(omega, values + noise, covariance=np.full((101, 1, 1), 8e-10))
+    ...     noise = 2e-5 * (rng.standard_normal(51) + 1j * rng.standard_normal(51))
+    ...     return rid.FrequencyResponse(omega, values + noise, covariance=np.full((51, 1, 1), 8e-10))
     >>> same = rid.advise.common_modes([setup((1.0, 0.5)), setup((0.5, -1.0)), setup((0.0, 1.0))])
     >>> same.disagreements, same.used.sum(axis=1).tolist()
     ((), [2, 3])

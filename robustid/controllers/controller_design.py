@@ -311,7 +311,7 @@ def design_controller(
     --------
     >>> import control, numpy as np, robustid as rid
     >>> from robustid.design import PID
-    >>> omega = np.linspace(0.5, 31.0, 30)
+    >>> omega = np.linspace(0.5, 31.0, 15)
     >>> z = np.exp(0.1j * omega)
     >>> frf = rid.FrequencyResponse(omega, 0.1 / (z - 0.9), bound=0.01, dt=0.1)
     >>> problem = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))

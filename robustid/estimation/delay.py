@@ -110,7 +110,7 @@ def estimate_delay(
     >>> import numpy as np, robustid as rid
     >>> s = 1j * np.linspace(1, 40, 60)
     >>> frf = rid.FrequencyResponse(s.imag, np.exp(-0.03 * s) * (1 / (s**2 + 0.2 * s + 100) - 0.5 / (s**2 + 0.4 * s + 700)))
-    >>> delay = rid.prepare.estimate_delay(frf)
+    >>> delay = rid.prepare.estimate_delay(frf, longest=0.05)
     >>> round(delay.seconds, 6), delay.order
     (0.03, 4)
     """

@@ -96,10 +96,14 @@ def test_a_class_is_not_smaller_for_bounds_that_are_wider_for_more_than_noise(wi
     assert smallest_gain(wider(0.1), 1.1) < 0.8 * smallest_gain(wider(0.0), 1.1)
     np.testing.assert_allclose(wide.gains, sure.gains, rtol=1e-6)
     assert wide.prior.gain_bound == pytest.approx(sure.prior.gain_bound, rel=1e-6)
+    assert rid.identify(dataclasses.replace(wider(0.1), prior=wide.prior)).consistent
+
+
+@pytest.mark.parametrize("wider", [in_doubt, pytest.param(of_halves, marks=pytest.mark.slow)])
+def test_nor_is_a_useful_one(wider):
     assert useful_prior(wider(0.1)).prior.gain_bound == pytest.approx(
         useful_prior(wider(0.0)).prior.gain_bound, rel=1e-6
     )
-    assert rid.identify(dataclasses.replace(wider(0.1), prior=wide.prior)).consistent
 
 
 def test_where_only_the_doubt_holds_the_data_it_counts():

@@ -116,8 +116,9 @@ def test_where_points_joined_the_gain_is_computed_as_often_as_the_smallest_slope
     assert len(asked) <= 45
 
 
-def test_bounds_of_the_smallest_gain_close_on_it():
-    problem = dense(70)
+@pytest.mark.parametrize("lines", [50, pytest.param(70, marks=pytest.mark.slow)])
+def test_bounds_of_the_smallest_gain_close_on_it(lines):
+    problem = dense(lines)
     pairs = list(gain_bounds(problem, 1.05))
     gain = smallest_gain(problem, 1.05)
     below, above = np.array(pairs).T

@@ -12,10 +12,8 @@ from PIL import Image
 import robustid as rid
 from robustid.app.run import fleet
 from robustid.core import Workers
-from robustid.guarantees import band_result
-from robustid.guarantees.refinement import joined_bands
 from support import command_line
-from support.run_files import keep_discs, keep_whole, only_identify
+from support.run_files import keep_discs, keep_whole, only_identify, search_nothing
 
 
 @pytest.fixture
@@ -72,11 +70,20 @@ def unsharpened(monkeypatch):
 
 @pytest.fixture
 def unsearched(monkeypatch):
-    """Semidefinite programs join a band with certificates of all directions at once: for tests of other steps, a second sooner."""
-    monkeypatch.setattr(band_result, "directed_bands", lambda bands, budget: ())
-    monkeypatch.setattr(
-        band_result, "joined_bands", lambda bands, directed, polygons, _: joined_bands(bands, directed, polygons, None)
-    )
+    """For tests of other steps, a second sooner: see `search_nothing`."""
+    search_nothing(monkeypatch)
+
+
+@pytest.fixture(autouse=True)
+def _quick(request):
+    """Tests in the suite are about other steps: those that are slow, or ask for `searched`, have the programs of all directions."""
+    if "searched" not in request.fixturenames and request.node.get_closest_marker("slow") is None:
+        request.getfixturevalue("unsearched")
+
+
+@pytest.fixture
+def searched():
+    """For tests of the whole: a band with certificates of all directions at once."""
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ import robustid as rid
 from robustid.core import rounded_up
 from robustid.guarantees import WorstCaseOverPoles
 from support import command_line
+from support.cases import slow
 from support.forging import arrays_of, forge, lower
 from support.problems import random_problem
 from support.report_pages import Page
@@ -248,11 +249,11 @@ def test_without_the_library_exact_says_what_to_install(files, run, monkeypatch)
     command_line.refused(run("verify", "good", "--exact"), "--exact needs python-flint")
 
 
-@pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
-def test_an_interrupted_run_goes_on_from_its_folder(files, run, workers):
+@pytest.mark.parametrize(("workers", "count"), [("1", 8), slow("1", 16), slow("2", 16)])
+def test_an_interrupted_run_goes_on_from_its_folder(files, run, workers, count):
     """Ctrl-C in a real process, that may have workers of its own; the second run computes the rest only."""
-    count = 16  # enough that the interrupt comes before the last
-    arguments = ["bounds", "good", "--points", str(count), "--directions", "4", "--resume", "part"]
+    directions = "3" if count == 8 else "4"
+    arguments = ["bounds", "good", "--points", str(count), "--directions", directions, "--resume", "part"]
     command = [sys.executable, "-m", "robustid", *arguments, "--workers", workers]
     # A suite that runs in the background of a shell ignores Ctrl-C, and its children would inherit that.
     process = subprocess.Popen(

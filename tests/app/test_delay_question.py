@@ -12,6 +12,7 @@ from robustid.app.run.run_file import read_run_file
 from robustid.app.run.run_folder import Surroundings
 from robustid.estimation import delay_fault
 from robustid.report.data_faults import fault_verdict
+from support.cases import slow
 from support.fault_plants import SIMULATED, recipes, record, simulated
 
 OWN = {"stage": 0, "arm": 0, "heater": 4, "matrix": 0}  # samples
@@ -106,7 +107,7 @@ def test_of_records_the_record_is_late():
     assert not delay_fault(simulated("heater").response, True).of_records
 
 
-@pytest.mark.parametrize("name", ["stage", "matrix"])
+@pytest.mark.parametrize("name", ["stage", slow("matrix")])
 def test_of_held_inputs_an_output_that_comes_first_is_told(name):
     """By two samples, which a plant whose response rises with the frequency would explain, were the inputs not held."""
     response = simulated(name).response

@@ -15,7 +15,7 @@ from robustid.app.run.run_folder import RunFolder, Surroundings
 from robustid.app.run.settings import Modes
 from robustid.core import Budget
 from robustid.identification import any_prior
-from support.cases import seeds
+from support.cases import seeds, slow
 
 DT = 0.005
 
@@ -152,16 +152,17 @@ def test_a_matrix_is_decided_at_as_many_points_as_there_is_time_for(monkeypatch)
     assert problem.frequency[0].judged
 
 
-def test_where_no_class_holds_all_points_one_is_chosen_for_those_that_there_is_time_for(monkeypatch):
+@pytest.mark.parametrize("count", [25, slow(97)])
+def test_where_no_class_holds_all_points_one_is_chosen_for_those_that_there_is_time_for(monkeypatch, count):
     """Every fourth point is that of the plant, and between them each is wrong by ten times its bound, this way and that."""
-    frf = two_outputs(97)
-    off = np.where(np.arange(97) % 4, 10.0, 0.0) * np.where(np.arange(97) % 8 > 4, 1, -1)
+    frf = two_outputs(count)
+    off = np.where(np.arange(count) % 4, 10.0, 0.0) * np.where(np.arange(count) % 8 > 4, 1, -1)
     wrong = dataclasses.replace(frf, values=frf.values + 0.05 * off[:, None, None], bound=0.05)
     run, problem, left, around = in_a_second(Measured((wrong,), ()), monkeypatch)
     assert run.frequency_points.every == 4
     assert run.prior.is_from_data
     assert rid.identify(problem).consistent
-    assert left.points[0].omega.size == 72
+    assert left.points[0].omega.size == count // 4 * 3
     assert "one of 4 is used" in around.unfinished.sentence
 
 

@@ -9,6 +9,8 @@ import time
 
 import pytest
 
+from support.cases import slow
+
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the program is one process here")
 
 HEAD = """
@@ -124,7 +126,7 @@ def test_ctrl_c_ends_a_call_that_hears_nothing(program):
     assert (code, out.splitlines()[-1]) == (130, "interrupted before its end; nothing more is written")
 
 
-@pytest.mark.parametrize(("command", "line"), [(LONG, "truncating, "), (COUNTED, "bounding: 3 of 7, ")])
+@pytest.mark.parametrize(("command", "line"), [slow(LONG, "truncating, "), (COUNTED, "bounding: 3 of 7, ")])
 def test_a_call_that_tells_nothing_is_told_of_with_its_count_and_its_seconds(program, command, line):
     running = program(command)
     until(running, "begun")

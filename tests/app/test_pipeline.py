@@ -68,9 +68,9 @@ def test_the_run_file_beside_the_results_gives_the_same_again(folder, sharpened,
     assert one.replace("../../frf.csv", "../frf.csv") == two
 
 
-@pytest.mark.usefixtures("unpaged")
+@pytest.mark.usefixtures("unpaged", "searched")
 def test_the_steps_are_those_done_by_hand(folder):
-    result = rid.run(ask(folder, DATA, CLASS, SHORT), "out")
+    result = rid.run(ask(folder, DATA, CLASS, {"worst_case": {"at_hz": [17.0], "directions": 4}}), "out")
     frf, step = rid.load("frf.csv"), rid.load("step.csv")
     basis = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
     problem = rid.MixedProblem(
@@ -80,7 +80,7 @@ def test_the_steps_are_those_done_by_hand(folder):
     assert result.identification.margin == by_hand.margin
     small = rid.reduce_within_bounds(by_hand, band=rid.band(by_hand))
     assert result.reduction.order == small.order
-    error = rid.worst_case_error(by_hand, model=small.model, omega=2 * np.pi * np.array([5.0, 17.0]), directions=4)
+    error = rid.worst_case_error(by_hand, model=small.model, omega=2 * np.pi * np.array([17.0]), directions=4)
     np.testing.assert_array_equal(result.error.upper, error.upper)
     assert result.error.certified
     assert result.choices == {}  # nothing was left to the program
@@ -204,7 +204,11 @@ def test_nothing_is_replaced_without_force(folder, run):
 
 
 @pytest.mark.usefixtures("unreduced", "unpaged")
-def test_an_interrupted_run_goes_on_where_it_was(folder, run, monkeypatch):
+@pytest.mark.parametrize("sharpened", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_an_interrupted_run_goes_on_where_it_was(folder, run, sharpened, monkeypatch):
+    """In the narrowing of the band, which takes most of the time: with what it finds, or with a band that it leaves as it is."""
+    if not sharpened:
+        monkeypatch.setattr(rid.guarantee.Band, "refine", lambda band, *_, **__: band)
     one = {"worst_case": {"at_hz": [5.0], "directions": 3}}
     ask(folder, DATA, {"prior": CLASS["prior"]}, one)
     whole = rid.run("ask.toml", "whole")
@@ -263,7 +267,7 @@ class _Text(html.parser.HTMLParser):
         self.text += data if self.inside else ""
 
 
-@pytest.mark.usefixtures("unreduced")
+@pytest.mark.usefixtures("unreduced", "unsharpened")
 def test_the_page_holds_the_run_file_and_the_findings(folder):
     title = "<script>alert(1)</script> & more"
     result = rid.run(ask(folder, {"title": title}, DATA, CLASS, SHORT), "out")
@@ -315,13 +319,14 @@ def torsion(tmp_path, **changes):
 
 
 @pytest.mark.realdata
-@pytest.mark.usefixtures("unpaged")
-def test_the_torsion_of_a_motor_bench(tmp_path):
+@pytest.mark.usefixtures("unpaged", "unsharpened")
+@pytest.mark.parametrize("every", [80, pytest.param(40, marks=pytest.mark.slow)])
+def test_the_torsion_of_a_motor_bench(tmp_path, every):
     prior = {"gain_bound": 1e-3, "decay_rate": 1.2}
     result = torsion(
         tmp_path,
         prior=prior,
-        frequency_points={"every": 40, "near_hz": 3.0},
+        frequency_points={"every": every, "near_hz": 3.0},
         worst_case={"at_hz": [76.0], "directions": 4},
     )
     assert "needs them" in result.choices["inflate"].reason

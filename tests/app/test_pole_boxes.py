@@ -70,6 +70,7 @@ def test_a_sweep_at_exact_poles_is_no_part_of_the_band_over_their_box(tmp_path, 
     assert "stand on exact poles and are not part of the curve" in (tmp_path / "out" / "report.html").read_text()
 
 
+@pytest.mark.slow  # quick: by default above, and the command with sampled data in test_cli_bounds
 def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     suggested, prior = rid.suggest_kautz(response), rid.Prior(gain_bound=2.0, decay=60.0)

@@ -106,7 +106,8 @@ def test_poles_that_may_be_of_the_noise_stand_in_the_class():
     assert plant.constants.min() < 1 / found.omega[0] < plant.constants.sum()
 
 
-@pytest.mark.parametrize("seeds", [range(1), slow(range(1, 10))])
+@pytest.mark.slow  # quick: the bound in test_changes of estimation, the class in test_prior of advice
+@pytest.mark.parametrize("seeds", [range(1), range(1, 10)])
 def test_band_of_a_process_that_became_faster_half_way_holds_it(seeds):
     """Bounds that hold what halves differ by made the gain bound a third: two of the first six left their bands, by 1.2 times."""
     heater, far = Process(np.array([60.0, 15.0]), np.array([1.6, -0.3]), False, 4), []

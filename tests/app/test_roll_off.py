@@ -11,6 +11,7 @@ from robustid.app.cli.main import app
 from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.run_file import RunFile, read_run_file
 from robustid.app.run.settings import Modes
+from support.cases import slow
 from support.posed import proposed
 from support.run_files import QUICK, ask
 
@@ -69,9 +70,10 @@ def test_a_table_is_covered_in_the_time_of_the_data(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("unreduced", "unpaged")
-def test_the_weight_stays_when_the_program_chooses_the_rest(tmp_path, monkeypatch):
+@pytest.mark.parametrize("points", [8, slow(12)])
+def test_the_weight_stays_when_the_program_chooses_the_rest(tmp_path, monkeypatch, points):
     monkeypatch.chdir(tmp_path)
-    omega = np.linspace(2.0, 60.0, 12)
+    omega = np.linspace(2.0, 60.0, points)
     rid.save("frf.npz", rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 20) ** 2, bound=0.02))
     weighted = {"prior": {"weight": [[2.0, 1.0], [20.0, 0.05]]}}
     path = ask(tmp_path, FEW, weighted)
@@ -108,10 +110,11 @@ def test_the_roll_off_stays_when_the_program_chooses_the_rest():
 
 
 @pytest.mark.usefixtures("unreduced", "unpaged")
-def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch):
+@pytest.mark.parametrize("points", [10, slow(15)])
+def test_auto_takes_the_roll_off_that_the_response_shows(tmp_path, monkeypatch, points):
     """On the way of a run file and of the command line; with a stated gain bound too; a corner beside it is refused."""
     monkeypatch.chdir(tmp_path)
-    omega = np.linspace(1.0, 60.0, 15)
+    omega = np.linspace(1.0, 60.0, points)
     frf = rid.FrequencyResponse(omega, 1 / (1 + 1j * omega / 8) ** 2, bound=0.002)
     asked = PriorChoice(gain_bound=1.0, decay=4.0, roll_off="auto")
     problem, chosen = proposed([frf], modes=Modes(hz=(), damping=()), prior=asked)

@@ -97,6 +97,7 @@ def test_the_page_of_a_loop_says_by_which_program_it_was_checked(saved, run, mon
     assert "proves the loop too" in (saved / "page.html").read_text()
 
 
+@pytest.mark.slow  # quick: a loop above, and members of a family below
 def test_a_design_for_several_bands_has_a_proof_for_each(saved):
     both = SimpleNamespace(proofs=(loop_of(5), loop_of(6)))
     program = built()

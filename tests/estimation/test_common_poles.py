@@ -40,14 +40,15 @@ def test_modes_that_share_a_window_leave_rounding_errors_alone():
     assert np.max(np.abs(z - found.spectra)[:, 1:250]) < 1e-6 * np.abs(z).max()
 
 
-def test_covariance_is_that_of_many_draws_of_the_noise():
+@pytest.mark.parametrize("draws", [4, slow(10)])
+def test_covariance_is_that_of_many_draws_of_the_noise(draws):
     """Error^2/variance, 1 % noise, of modes alone: no smooth part that windows would have to find. Exponentially distributed."""
     rng = np.random.default_rng(1)
     plant, u = dataclasses.replace(plant_of(rng, DT), rest=(0.0, 500.0)), rng.standard_normal(1000)
     index = np.arange(1, 499)
     truth = plant.response(2 * np.pi * index / (u.size * DT))
     squares = []
-    for _ in range(10):
+    for _ in range(draws):
         x, z = spectra_of(plant, u, 0.01, rng)
         found = predicted(x, z, u.size, index, 499)
         squares.append(np.abs(found.values[:, 0, 0] - truth) ** 2 / found.covariance[:, 0, 0].real)
@@ -55,7 +56,8 @@ def test_covariance_is_that_of_many_draws_of_the_noise():
     assert np.quantile(squares, 0.5) == pytest.approx(np.log(2), rel=0.35)
 
 
-def test_covariance_holds_where_all_poles_lie_among_few_lines():
+@pytest.mark.parametrize("draws", [10, slow(40)])
+def test_covariance_holds_where_all_poles_lie_among_few_lines(draws):
     """Three modes within 9 Hz of a second, of which 22 unknowns follow the noise too: 1.5 with the noise of all lines' unknowns."""
     rng = np.random.default_rng(2)
     plant, u = plant_of(rng, DT), rng.standard_normal(1000)
@@ -65,7 +67,7 @@ def test_covariance_holds_where_all_poles_lie_among_few_lines():
     index, near = np.arange(1, 499), slice(14, 33)
     truth = plant.response(2 * np.pi * index / (u.size * DT))
     squares = []
-    for _ in range(40):
+    for _ in range(draws):
         found = predicted(*spectra_of(plant, u, 0.01, rng), u.size, index, 499)
         squares.append((np.abs(found.values[:, 0, 0] - truth) ** 2 / found.covariance[:, 0, 0].real)[near])
     assert 0.7 < np.mean(squares) < 1.3
@@ -105,7 +107,7 @@ def test_bounds_of_short_records_hold(constants, seeds, least):
     assert shown >= 3 * seeds * 0.975
 
 
-@pytest.mark.parametrize(("slow_pole", "seeds"), [((0.0, 0.2), 4), slow((0.0, 0.2), 25), slow((-0.5, 0.1), 25)])
+@pytest.mark.parametrize(("slow_pole", "seeds"), [((0.0, 0.2), 2), slow((0.0, 0.2), 25), slow((-0.5, 0.1), 25)])
 def test_a_mode_beside_a_slow_pole_keeps_its_bound(slow_pole, seeds):
     """20 Hz of 1 % in two seconds: fits without the integrator, or the pole at .5 rad/s, took that in place of the mode."""
     (rate, part), omega, dt, left = slow_pole, 40 * np.pi, 2e-3, 0
@@ -118,7 +120,7 @@ def test_a_mode_beside_a_slow_pole_keeps_its_bound(slow_pole, seeds):
         y = y + 0.01 * np.std(y - np.linspace(y[0], y[-1], 1500)) * rng.standard_normal(y.shape)
         frf = response_alone(rid.TimeRecord(u[500:], y[500:], dt=dt, initial="free"))
         left += bool(np.any(np.abs(frf.values - responses(plant, frf.omega * dt)) > frf.bound.radius))
-    assert left <= (1 if seeds == 4 else 3)
+    assert left <= (0 if seeds == 2 else 3)
 
 
 def coloured(rng, count, colour):

@@ -61,7 +61,7 @@ def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
         assert found.misfit < 1e-5
 
 
-@pytest.mark.parametrize(("seeds", "most"), [(2, 2.6), slow(8, 1.9)])
+@pytest.mark.parametrize(("seeds", "most"), [(1, 3.3), slow(2, 2.6), slow(8, 1.9)])
 @pytest.mark.parametrize(("respond", "dt"), [slow(continuous, None), (held, DT)])
 def test_delays_of_random_plants_are_found_within_a_tenth_of_a_sample(respond, dt, seeds, most):
     """Order unknown for the first of the continuous plants (slow: of the others, too), known for the others."""
@@ -104,15 +104,16 @@ def test_several_entries_share_their_poles_and_feed_through_is_allowed():
         gain = np.abs(p) * rng.standard_normal((2, 2))
         values += gain * (1 / (s - p) + 1 / (s - np.conj(p)))[:, None, None]
     frf = rid.FrequencyResponse(OMEGA, noisy(rng, (values + 1.0) * np.exp(-s * tau)[:, None, None]))
-    frf = frf.select(slice(None, None, 2))
-    assert abs(estimate_delay(frf, order=4, feedthrough=True).seconds - tau) < 0.02 * DT
+    frf = frf.select(slice(None, None, 3))
+    assert abs(estimate_delay(frf, order=4, longest=5 * DT, feedthrough=True).seconds - tau) < 0.02 * DT
 
 
 def test_units_scale_exactly():
     rng = np.random.default_rng(2)
     values, omega = noisy(rng, continuous(modes(rng, 2), 2 * DT))[::3], OMEGA[::3]
-    plain = estimate_delay(rid.FrequencyResponse(omega, values), order=4)
-    scaled = estimate_delay(rid.FrequencyResponse(omega * 2.0**60, values * 2.0**-60), order=4)
+    plain = estimate_delay(rid.FrequencyResponse(omega, values), order=4, longest=4 * DT)
+    fast = rid.FrequencyResponse(omega * 2.0**60, values * 2.0**-60)
+    scaled = estimate_delay(fast, order=4, longest=4 * DT * 2.0**-60)
     assert scaled.seconds == pytest.approx(plain.seconds * 2.0**-60, rel=1e-9)
     assert scaled.misfit == pytest.approx(plain.misfit, rel=1e-9)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from support.cases import slow
 from support.fault_plants import SIMULATED, recipes, simulated, step
 from support.fault_responses import changed
 
@@ -151,9 +152,9 @@ def test_other_numbers_of_signals_are_refused():
         faults("step")
 
 
-def clean_and_told(seeds):
+def clean_and_told(seeds, names=SIMULATED):
     told = []
-    for name in SIMULATED:
+    for name in names:
         for seed in seeds:
             clean = simulated(name, seed)
             bare = changed(clean.step, bound=None)
@@ -163,9 +164,11 @@ def clean_and_told(seeds):
     return told
 
 
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(600, 650), marks=pytest.mark.slow)])
-def test_clean_records_are_told_nothing(seeds):
-    assert clean_and_told(seeds) == []
+@pytest.mark.parametrize(
+    ("names", "seeds"), [(("stage", "heater"), range(1)), slow(SIMULATED, range(1)), slow(SIMULATED, range(600, 650))]
+)
+def test_clean_records_are_told_nothing(names, seeds):
+    assert clean_and_told(seeds, names) == []
 
 
 def test_faults_of_a_record_beside_a_response_are_faults_of_the_problem():

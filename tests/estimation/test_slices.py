@@ -41,8 +41,10 @@ ONCE = [
     ("fsm", (9914, 10864), 1, 2, 2),  # a wrong sign of the phase, by 17 lines of overlapping windows
     ("beam_ring", (34367, 34714), 1, 1, 2),  # decibels, where no line says more than its bound
     ("fsm_200mV/test", (4372, 7635), 1, 1, 4),  # decibels, of magnitudes below 1
-    ("two_mass", (25774, 27911), 1, 0, 1),  # feedback, where lines of the multisine begin at 11 Hz
-    ("two_mass", (15085, 18871), 1, 0, 1),  # varying, by a search that found fewer poles for both halves than for each
+    slow(
+        ("two_mass", (25774, 27911), 1, 0, 1), id="two_mass-25774-1"
+    ),  # feedback, where lines of the multisine begin at 11 Hz
+    slow(("two_mass", (15085, 18871), 1, 0, 1), id="two_mass-15085-1"),  # varying: fewer poles found for both halves
     slow(("two_mass", (29155, 37141), 0, 0, 1), id="two_mass-29155-0"),  # lost samples, by such a search
     ("cdplayer", (174, 631), 0, 1, 1),  # a clock, by such a search
     slow(("two_mass", (24590, 46892), 1, 0, 1), id="two_mass-24590-1"),  # late, where shorter delays leave less

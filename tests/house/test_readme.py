@@ -9,6 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.app.cli import main as cli
+from support.run_files import search_nothing
 
 README = Path(__file__).parents[2] / "README.md"
 HOWTO = README.parent / "docs" / "howto" / "command_line.rst"
@@ -26,6 +27,8 @@ def demo_files(tmp_path, monkeypatch, request):
     rid.save(folder / "frequency.csv", data.frequency)
     rid.save(folder / "step.csv", data.time)
     monkeypatch.chdir(tmp_path)
+    if request.param is FEWER:
+        search_nothing(monkeypatch)
     return tmp_path
 
 

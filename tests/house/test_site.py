@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from support.cases import slow
+from support.run_files import search_nothing
+
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(
     page.relative_to(DOCS).as_posix()
@@ -14,8 +17,11 @@ PAGES = sorted(
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_code_of_a_page_runs_as_printed(page, tmp_path, monkeypatch):
+@pytest.mark.parametrize("whole", [False, slow(True)], ids=["quick", "whole"])
+def test_code_of_a_page_runs_as_printed(page, whole, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    if not whole:
+        search_nothing(monkeypatch)
     found = doctest.testfile(
         str(DOCS / page),
         module_relative=False,

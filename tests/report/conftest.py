@@ -7,8 +7,17 @@ import robustid as rid
 from robustid.fitting import OrderSweep, fit_mfd
 from support import fits, frf_records, matrix_pages
 from support.report_pages import NASTY, identified
+from support.run_files import search_nothing
 
 HZ = 2 * np.pi
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _quick():
+    """Bands are drawn, not sharpened."""
+    with pytest.MonkeyPatch.context() as patch:
+        search_nothing(patch)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,11 @@ pytestmark = pytest.mark.quick
 
 
 @pytest.fixture(autouse=True, scope="module")
+def _quick():
+    """The bands of these pages have all that a band has."""
+
+
+@pytest.fixture(autouse=True, scope="module")
 def _unhalved():
     with arcs_halved(0):
         yield

@@ -5,6 +5,8 @@ from pathlib import Path
 import robustid as rid
 from robustid.app.run import sequence
 from robustid.app.run.toml import write_toml
+from robustid.guarantees import band_result
+from robustid.guarantees.refinement import joined_bands
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = {"frequency": [{"file": "frf.csv"}], "record": [{"file": "step.csv", "use": "samples"}]}
@@ -25,6 +27,14 @@ def only_identify(monkeypatch):
     """No step beside the identification: no band, no diagnosis, nothing that data with faults are held against."""
     for step in "proved", "proved_if_wider", "diagnosed", "refined", "seen_between", "without_doubtful", "_refuted":
         monkeypatch.setattr(sequence, step, lambda *_: None)
+
+
+def search_nothing(monkeypatch):
+    """Bands without the semidefinite programs that join them with certificates of all directions at once: as true, and wider."""
+    monkeypatch.setattr(band_result, "directed_bands", lambda bands, budget: ())
+    monkeypatch.setattr(
+        band_result, "joined_bands", lambda bands, directed, polygons, _: joined_bands(bands, directed, polygons, None)
+    )
 
 
 def keep_discs(monkeypatch):

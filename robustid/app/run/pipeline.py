@@ -223,7 +223,7 @@ def run(
     --------
     >>> import pathlib, tempfile, robustid as rid
     >>> place = pathlib.Path(tempfile.mkdtemp())
-    >>> rid.save(place / "frf.csv", rid.datasets.flexible_structure(lines=5).frequency)
+    >>> rid.save(place / "frf.csv", rid.datasets.flexible_structure(lines=3).frequency)
     >>> class_of_it = "[modes]\nhz = [9.0, 17.67]\ndamping = [0.1, 0.004]\n[prior]\ngain_bound = 0.2\ndecay_rate = 1.1\n"
     >>> text = '[[frequency]]\nfile = "frf.csv"\n[worst_case]\ncompute = false\n' + class_of_it
     >>> _ = (place / "ask.toml").write_text(text)
