@@ -44,7 +44,7 @@ def consistent_class(lines, modes):
     print(
         f"   As measured: {first.status.name.lower()}, the bounds that just do are {first.margin:.3g} times as large."
     )
-    print(f"   Taken: {better.change};")
+    print(f"   Taken: {better.name};")
     print(
         f"   all bounds times {factor:.3g}, stated in the report; |G| <= {prior.gain_bound:.3g} in |z| < {prior.decay_rate:.4g}."
     )

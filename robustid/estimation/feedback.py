@@ -133,7 +133,7 @@ def _simulated(u: Real, y: Real) -> bool:
     for order in range(_ORDER + 1):
         columns = [np.pad(x, (lag, 0))[: u.size] for x, first in ((u, 0), (-y, 1)) for lag in range(first, order + 1)]
         A = np.stack(columns, axis=1)
-        x: Real = np.linalg.lstsq(A, y, rcond=None)[0]
+        x = np.linalg.lstsq(A, y, rcond=None)[0]
         if np.linalg.norm(y - A @ x) <= _ROUNDING * np.linalg.norm(y):
             b, a = x[: order + 1], np.concatenate([[1.0], x[order + 1 :]])
             at_one = int(np.sum(np.abs(np.roots(b) - 1) < _AT_ONE))  # two of them has an acceleration

@@ -257,8 +257,8 @@ def _with_period(called: list[str], found: FrequencyResponse, samples: int) -> U
     from robustid.data import FaultKind, Undoing
 
     shown = [fault for fault in found.faults if fault.kind is FaultKind.UNSTATED_PERIOD]
-    periods = {int(fault.size) for fault in shown}
-    if len(periods) != 1 or "--lines" in " ".join(called):
+    periods = {int(fault.size or 0) for fault in shown}
+    if len(periods) != 1 or not all(periods) or "--lines" in " ".join(called):
         return None
     (period,) = periods
     arguments, whole = again(called), str(samples // period * period)
