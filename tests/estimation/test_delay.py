@@ -51,7 +51,7 @@ def held(plant, tau):
 
 
 @pytest.mark.parametrize("seeds", [1, slow(3)])
-@pytest.mark.parametrize(("respond", "dt"), [(continuous, None), (held, DT)])
+@pytest.mark.parametrize(("respond", "dt"), [slow(continuous, None), (held, DT)])
 def test_delays_without_noise_are_found_exactly(respond, dt, seeds):
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
