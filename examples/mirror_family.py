@@ -7,7 +7,8 @@ others. The poles are those of the whole machine: the nine entries together show
 record, does not tell apart.
 Data: github merijnfloren/fsm-benchmark-data (CC BY 4.0; Floren et al., ISMA-USD 2024), downloaded once, or from the folder
 that ROBUSTID_DATA names.
-Run: python mirror_family.py --out folder (30 s of computation, and 50 s an entry of the diagonal; --entries 0 1 2 for all three)
+Run: python mirror_family.py --out folder (30 s of computation, and 50 s an entry of the diagonal; --entries 0 1 2 for all three,
+--frequencies 16 for a fifth of the band)
 """
 
 import argparse
@@ -87,6 +88,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="folder for pictures and pages (default: a temporary one)")
     parser.add_argument("--entries", type=int, nargs="+", default=[0], choices=range(3), help="entries of the diagonal")
+    parser.add_argument("--frequencies", type=int, default=BOUNDED, help=f"of the band, at most (default: {BOUNDED})")
     arguments = parser.parse_args(argv)
     try:
         mean, *measured = responses()
@@ -101,6 +103,7 @@ def main(argv=None):
         first = training[0.3]
         print(f"\nEntry {entry + 1}, {entry + 1} of 3 x 3, {first.omega.size} lines. {first.bound.about}")
         used, bounded = chosen_lines(first, modes[0.3])
+        bounded = bounded[:: -(-bounded.size // arguments.frequencies)]
         family = family_of(training, modes, used, bounded)
         print(family.summary())
         size = np.abs(family.nominal)

@@ -191,7 +191,7 @@ def test_an_integrator_is_proved_where_the_centre_of_a_disc_at_zero_is_not_real(
     omega = np.linspace(0.5, 31.0, 30)
     frf = rid.FrequencyResponse(omega, 0.1 / (np.exp(0.1j * omega) - 0.9), bound=0.01, dt=0.1)
     posed = rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=4.0, decay_rate=1.08))
-    band = rid.band(posed, model=control.ss(0.9, 1.0, 0.1, 0.0, 0.1), omega=[1.0])
+    band = rid.band(posed, model=control.ss(0.9, 1.0, 0.1, 0.0, 0.1), omega=[1.0], knots=200)
     bounds = rid.loop_bounds(band, controller=control.ss([[1.0]], [[1.0]], [[0.186]], [[3.312]], 0.1))
     proved(proof_text(bounds), seconds=120)
 
