@@ -103,7 +103,8 @@ def main(argv=None):
         first = training[0.3]
         print(f"\nEntry {entry + 1}, {entry + 1} of 3 x 3, {first.omega.size} lines. {first.bound.about}")
         used, bounded = chosen_lines(first, modes[0.3])
-        bounded = bounded[:: -(-bounded.size // arguments.frequencies)]
+        every = -(-bounded.size // arguments.frequencies)
+        bounded = np.union1d(used[::every], np.setdiff1d(bounded, used)[::every])
         family = family_of(training, modes, used, bounded)
         print(family.summary())
         size = np.abs(family.nominal)
