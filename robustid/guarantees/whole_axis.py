@@ -153,22 +153,26 @@ class OnAxis(Protocol):
         ...
 
 
-def largest_error(band: OnAxis) -> Peak:
+def largest_error(band: OnAxis, within: tuple[float, float] = (0.0, np.inf)) -> Peak:
     """Proved bound of the largest singular value of F - model at every frequency outside of open ranges, and where it is largest.
 
     At the frequencies of a band alone it would be no bound of what lies between them: a mode is narrower than they are apart, and
-    beside an open range it rises. Of a band without a model that at these frequencies.
+    beside an open range it rises. Of a band without a model that at these frequencies. `within` frequencies in rad/s: on the arcs
+    that have a part there.
     """
-    upper = np.where(band.bounded, band.sigma_upper, 0.0)
+    low, high = within
+    upper = np.where(band.bounded & (band.omega >= low) & (band.omega <= high), band.sigma_upper, 0.0)
     k = int(np.argmax(upper))
     at_points = Peak(float(upper[k]), float(band.omega[k]))
     if band.model is None:
         return at_points
     edges = band.circle.edges
     middle = np.where(np.isfinite(edges[1:]), (edges[:-1] + edges[1:]) / 2, 2 * edges[:-1])
-    bound = np.where(band.is_open(middle), 0.0, band.circle.bound)
+    away = band.is_open(middle) | (edges[1:] <= low) | (edges[:-1] >= high)
+    bound = np.where(away, 0.0, band.circle.bound)
     k = int(np.argmax(bound))
-    return Peak(float(bound[k]), float(middle[k])) if bound[k] > at_points.value else at_points
+    at = min(max(float(middle[k]), low), high)
+    return Peak(float(bound[k]), at) if bound[k] > at_points.value else at_points
 
 
 def largest_words(largest: Peak) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from robustid.core import Real, exponents_of
 from robustid.guarantees import Band, WorstCaseError, WorstCaseOverPoles
-from robustid.identification import Identification
+from robustid.identification import Identification, MixedProblem
 from robustid.report.identified import model_size
 from robustid.report.words import HZ, in_hz
 
@@ -41,14 +41,17 @@ def at_largest(identification: Identification, error: WorstCaseError | WorstCase
     return where, float(upper[place] / max(size[place], _TINY))
 
 
-def in_measured_band(identification: Identification, omega: Real) -> NDArray[np.bool_]:
-    """Frequencies between the lowest and the highest sample of the responses; all of them where samples in time are used too."""
-    problem = identification.problem
+def measured_band(problem: MixedProblem) -> tuple[float, float] | None:
+    """Lowest and highest sample of the responses, rad/s; None where samples in time are used too."""
     used = [one.omega[one.bound.used.any(axis=(1, 2))] for one in problem.frequency]
     points = np.concatenate([np.zeros(0), *used])
-    if problem.time or not points.size:
-        return np.ones(omega.shape, bool)
-    return (omega >= points.min() * (1 - _ROUNDING)) & (omega <= points.max() * (1 + _ROUNDING))
+    return None if problem.time or not points.size else (float(points.min()), float(points.max()))
+
+
+def in_measured_band(identification: Identification, omega: Real) -> NDArray[np.bool_]:
+    """Frequencies between the lowest and the highest sample of the responses; all of them where samples in time are used too."""
+    low, high = measured_band(identification.problem) or (0.0, np.inf)
+    return (omega >= low * (1 - _ROUNDING)) & (omega <= high * (1 + _ROUNDING))
 
 
 def is_resonance(model: control.StateSpace, omega: Real, size: Real) -> bool:

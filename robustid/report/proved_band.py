@@ -10,13 +10,14 @@ import numpy as np
 
 from robustid.core import as_kind, fingerprint
 from robustid.errors import InputError
-from robustid.guarantees import Band, WorstCaseError, in_box, largest_error, norm_of_bounds, real_poles
+from robustid.guarantees import Band, Peak, WorstCaseError, in_box, largest_error, norm_of_bounds, real_poles
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
 from robustid.report.charts import ALERT, BAND, FINE, NOMINAL, Chart, Layer, Panel, lighter, named, side_by_side
 from robustid.report.document import Block, Drawing, Facts, Heading, Text, Verdict, proved
 from robustid.report.frequency import Curve, entry_chart, size_panel
 from robustid.report.identified import Posed, about, error_label, in_unit, model_size, shown_band, siso
+from robustid.report.largest_response import measured_band
 from robustid.report.magnitude_phase import behind, error_panel
 from robustid.report.words import HZ, at_hz, at_most, in_hz
 
@@ -86,9 +87,18 @@ def band_sentence(identification: Posed, band: Band) -> str:
     return (
         f"Proved at every frequency{but}, {poles_words(band)}: every plant that agrees with the data and the assumptions"
         f" has a response within {in_unit(at_most(largest.value), identification)} of the {nominal}{norm};"
-        f" the largest error is possible near {in_hz(largest.omega / HZ)}, the median is"
+        f" the largest error is possible near {in_hz(largest.omega / HZ)}{_beyond(identification, band, largest)}, the median is"
         f" {band.relative.words}."
     )
+
+
+def _beyond(identification: Posed, band: Band, largest: Peak) -> str:
+    """Words on a largest error beyond the data, and on that among them; empty where it is among them."""
+    low, high = measured_band(band.problem) or (0.0, np.inf)
+    if band.model is None or low <= largest.omega <= high:
+        return ""
+    among = largest_error(band, (low, high)).value
+    return f", beyond the data (in their range at most {in_unit(at_most(among), identification)})" if among else ""
 
 
 def stands_on(band: Band, error: WorstCaseError | None) -> str:

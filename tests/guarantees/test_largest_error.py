@@ -7,7 +7,8 @@ import numpy as np
 
 import robustid as rid
 from robustid.guarantees import largest_error
-from robustid.report import render_report
+from robustid.report import at_most, render_report
+from robustid.report.proved_band import band_sentence
 
 DT = 0.01
 BETWEEN = np.union1d(np.linspace(1e-3, np.pi / DT, 1201), np.linspace(98, 104, 601))  # and densely around the mode
@@ -53,3 +54,19 @@ def test_open_ranges_are_left_out():
     assert np.isinf(band.hinf)
     assert np.isfinite(largest_error(band).value)
     assert band.error_at(between).max() <= largest_error(band).value
+
+
+def test_where_the_largest_error_is_beyond_the_data_that_among_them_is_said_too():
+    """Between their lines as well; far above them the class alone bounds the error."""
+    omega, truth = np.linspace(20.0, 40.0, 15), 0.1 / (np.exp(1j * np.linspace(20.0, 40.0, 15) * DT) - 0.5)
+    frf = rid.FrequencyResponse(omega, truth, bound=0.01, dt=DT)
+    result = rid.identify(rid.MixedProblem(frequency=frf, prior=rid.Prior(gain_bound=0.5, decay_rate=1.2)))
+    band, ends = rid.band(result), (20.0, 40.0)
+    beyond, among = largest_error(band), largest_error(band, ends)
+    assert beyond.omega > 40
+    assert 20 <= among.omega <= 40
+    largest = band.error_at(np.linspace(*ends, 2001)).max()
+    assert largest <= among.value <= 1.1 * largest < beyond.value
+    said = re.findall(r"beyond the data \(in their range at most (\S+)\)", render_report(result, band=band))
+    assert {float(one) for one in said} == {float(at_most(among.value))}
+    assert "beyond the data" not in band_sentence(*sharp())
