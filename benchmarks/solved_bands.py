@@ -1,6 +1,6 @@
 """Bands with polygons: between solved frequencies beside polygons that are solved there, and truths at the edge between them.
 
-Run: OPENBLAS_NUM_THREADS=1 python benchmarks/solved_bands.py chords [SEED ...] | edges 1000 | box [60 motor beam]
+Run: OPENBLAS_NUM_THREADS=1 python benchmarks/solved_bands.py chords [SEED ...] | edges 1000 | box [60 motor beam] | programs
 All seconds are of the processor, of one process.
 """
 
@@ -16,7 +16,7 @@ from band_problems import FIRST, beam_halves, class_of, motor_halves, one_entry,
 import robustid as rid
 from robustid.core import Budget
 from robustid.guarantees.common_nominal import smallest_disc
-from support.edge_bands import KINDS, MATRICES
+from support.edge_bands import KINDS, MATRICES, edge_plant
 from support.edge_truths import edge_truths
 
 TRUTHS = 8  # plants that keep the same bounds
@@ -195,6 +195,42 @@ def box(arguments):
         )
 
 
+def programs(arguments):
+    """Errors by semidefinite programs over those by sums over cells, of classes whose gain bound is that of a plant."""
+    print(f"{'kind':<21}{'problems':>9}{'median':>8}{'least':>8}{'largest':>9}{'CPU s':>7}{'of sums':>9}")
+    every = []
+    for kind in ("discrete", "continuous", "roll-off", "record", "record of two inputs", *MATRICES):
+        own, spent = [], np.zeros(2)
+        for plant in (edge_plant(kind, seed) for seed in range(40)):
+            if len(own) == arguments.count:
+                break
+            result = rid.identify(plant.problem)
+            if plant.box is None or not result.consistent:
+                continue
+            lines = plant.problem.frequency[0].omega
+            omega = np.sort(np.random.default_rng(0).uniform(lines.min(), lines.max(), 3))
+            cells = {"cells": 16, "delay": delay_of(plant)}
+            found, seconds = clocked(rid.guarantee.worst_case_over_poles, result, *plant.box, omega=omega, **cells)
+            sums, others = clocked(rid.band(result, box=plant.box).refine, result, omega=omega)
+            if sums.polygons is None or not np.array_equal(sums.polygons.omega, found.omega):
+                continue
+            own.append((found.upper / sums.polygons.upper).ravel())
+            spent += seconds, others
+        every += own
+        told_programs(kind, own, spent)
+    told_programs("all", every, np.full(2, np.nan))
+
+
+def told_programs(kind, ratios, spent):
+    """A line of ratios, by problem."""
+    if ratios:
+        of = np.concatenate(ratios)
+        print(
+            f"{kind:<21}{len(ratios):9d}{np.median(of):8.3f}{of.min():8.3f}{of.max():9.3f}{spent[0]:7.1f}{spent[1]:9.1f}",
+            flush=True,
+        )
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(required=True)
@@ -211,6 +247,9 @@ def main():
     one.add_argument("cases", nargs="*", help=", ".join(BOXES))
     one.add_argument("--time-limit", type=float, default=60.0)
     one.set_defaults(work=box)
+    one = commands.add_parser("programs")
+    one.add_argument("--count", type=int, default=4, help="problems a kind")
+    one.set_defaults(work=programs)
     arguments = parser.parse_args()
     arguments.work(arguments)
 
