@@ -76,14 +76,14 @@ def unsearched(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _quick(request):
-    """Tests in the suite are about other steps: those that are slow, or ask for `searched`, have the programs of all directions."""
+    """Tests in the suite are about other steps: those that are slow, or ask for `searched`, have sums of one direction each."""
     if "searched" not in request.fixturenames and request.node.get_closest_marker("slow") is None:
         request.getfixturevalue("unsearched")
 
 
 @pytest.fixture
 def searched():
-    """For tests of the whole: a band with certificates of all directions at once."""
+    """For tests of the whole: a band with sums of one direction each."""
 
 
 @pytest.fixture

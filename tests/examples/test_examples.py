@@ -13,7 +13,7 @@ import pytest
 
 import robustid as rid
 from support.cases import slow
-from support.example_runs import check_files, load
+from support.example_runs import check_files, load, mirror_table
 from support.measured import needs
 
 
@@ -247,12 +247,6 @@ def test_beam_damping(run, undrawn, monkeypatch):
 @pytest.mark.realdata
 def test_the_whole_beam_damping(run):
     run_beam_damping(load("beam_damping"), run)
-
-
-def mirror_table(printed):
-    """Name of every row to the (3,) numbers at its end."""
-    rows = [line.rsplit(maxsplit=3) for line in printed.splitlines() if line.startswith(("not linear", "test,"))]
-    return {name: np.array([float(v) for v in values]) for name, *values in rows}
 
 
 def run_mirror(run, *options):

@@ -373,8 +373,7 @@ def test_orders_of_shared_poles_count_every_pole_once(seeds, orders):
     omega = 2 * np.pi * np.linspace(1, 20, 50)
     s = 1j * omega[:, None, None]
     for seed in range(seeds):
-        rng = np.random.default_rng(seed)
-        values = np.zeros((50, 2, 2), dtype=complex)
+        rng, values = np.random.default_rng(seed), np.zeros((50, 2, 2), dtype=complex)
         for pole in 2 * np.pi * np.array([4.0, 9.0, 15.0]) * (-0.02 + 1j):
             residue = rng.standard_normal((2, 2)) + 1j * rng.standard_normal((2, 2))
             values += residue / (s - pole) + residue.conj() / (s - pole.conjugate())
@@ -396,7 +395,6 @@ def test_the_sweep_is_shown_as_it_grows():
     assert len(shown[0].stabilisation) < len(sweep.stabilisation)
 
 
-def test_a_time_limit_ends_a_sweep():
-    """The first wave is fitted, no more."""
+def test_a_time_limit_ends_a_sweep_after_its_first_wave():
     sweep = suggest_order(data(0, 1, 1, 2, 25), orders=range(1, 13), time_limit=1e-3)
     assert list(sweep.orders) == [1, 2, 3, 4]

@@ -30,7 +30,7 @@ def only_identify(monkeypatch):
 
 
 def search_nothing(monkeypatch):
-    """Bands without the semidefinite programs that join them with certificates of all directions at once: as true, and wider."""
+    """Bands without sums of one direction each, alone or between polygons: as true, and wider."""
     monkeypatch.setattr(band_result, "directed_bands", lambda bands, budget: ())
     monkeypatch.setattr(
         band_result, "joined_bands", lambda bands, directed, polygons, _: joined_bands(bands, directed, polygons, None)
