@@ -179,35 +179,37 @@ def smooth_terms(angle: Real) -> Complex:
 
 def design(data: LineData, poles: Real) -> Real:
     """The pairs of all poles (log angle, log damping), then the smooth remainder, as real rows in units of the bounds."""
-    columns = [pole_pair(data.angle, pole) for pole in poles] + [smooth_terms(data.angle)]
-    return data.scaled(np.hstack(columns))
+    return data.scaled(_columns(data.angle, poles))
+
+
+def _columns(angle: Real, poles: Real) -> Complex:
+    """The functions of the `design` at the frequency points, (F, 2 N + 3)."""
+    return np.hstack([pole_pair(angle, pole) for pole in poles] + [smooth_terms(angle)])
 
 
 def residual_rows(poles: Real, data: LineData) -> Real:
     """Residuals of least squares at these poles, in units of the bounds, as real rows: real parts of all entries first."""
-    fits = [_projected(one, poles.reshape(-1, 2)) for one in data.each]
+    fits = _projected(data, poles.reshape(-1, 2))
     return np.hstack([fit.residual.reshape(2, -1) for fit in fits]).ravel()
 
 
 def residual_slopes(poles: Real, data: LineData) -> Real:
     """Derivatives of the `residual_rows` by the poles, log angle and log damping in turn."""
     poles = poles.reshape(-1, 2)
+    changes = [change for pole in poles for change in pair_changes(data.angle, pole)]
     parts: list[Real] = []
-    for one in data.each:
-        fit = _projected(one, poles)
+    for one, there, fit in zip(data.each, data.measured, _projected(data, poles), strict=True):
         weights = fit.coefficients
-        moved = [
-            change @ weights[2 * k : 2 * k + 2]
-            for k, pole in enumerate(poles)
-            for change in pair_changes(one.angle, pole)
-        ]
+        moved = [change[there] @ weights[k - k % 2 : k - k % 2 + 2] for k, change in enumerate(changes)]
         parts.append(fit.tangent(one.scaled(np.stack(moved, axis=1))).reshape(2, -1, 2 * len(poles)))
     return np.concatenate(parts, axis=1).reshape(-1, 2 * len(poles))
 
 
-def _projected(data: LineData, poles: Real) -> Projection:
-    """The values of one entry, projected on the columns of these poles."""
-    return projected(design(data, poles), data.scaled(data.value[:, None])[:, 0])
+def _projected(data: LineData, poles: Real) -> list[Projection]:
+    """The values of every entry, projected on the columns of these poles, which all of them share."""
+    columns = _columns(data.angle, poles)
+    each = zip(data.each, data.measured, strict=True)
+    return [projected(one.scaled(columns[there]), one.scaled(one.value[:, None])[:, 0]) for one, there in each]
 
 
 def ratios(rows: Real) -> Real:
@@ -269,7 +271,7 @@ def best_start(poles: Real, data: LineData) -> Real:
     place = np.interp(np.linspace(0, lines - 1, min(8 * lines, _PLACES)), np.arange(lines), data.angle)
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
-    entries = [(one, _projected(one, poles), there) for one, there in zip(data.each, data.measured, strict=True)]
+    entries = list(zip(data.each, _projected(data, poles), data.measured, strict=True))
     for zeta in _START:
         tried = np.log(np.stack([place, np.full(place.size, zeta)], axis=1))
         functions = _first_functions(data.angle, tried)

@@ -28,7 +28,16 @@ from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.hertz import hz_scale, hz_span, hz_words
 from robustid.core.kept import kept_by_content
-from robustid.core.least_squares import DampedSteps, Projection, decoupled_parts, lengths, projected, singular_parts
+from robustid.core.least_squares import (
+    DampedSteps,
+    Projection,
+    decoupled_fit,
+    decoupled_parts,
+    decoupled_qr,
+    lengths,
+    projected,
+    singular_parts,
+)
 from robustid.core.models import as_state_space, labels_of, model_of, numbered
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import (
@@ -138,7 +147,9 @@ __all__ = [
     "bilinear_in_z",
     "closed_loop",
     "decay_of",
+    "decoupled_fit",
     "decoupled_parts",
+    "decoupled_qr",
     "described",
     "digest",
     "exchanged",

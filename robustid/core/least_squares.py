@@ -81,6 +81,36 @@ def decoupled_parts(matrix: Numbers) -> list[tuple[NDArray[np.intp], NDArray[np.
     return [(one[one < many], one[one >= many] - many) for one in groups if one.size and one[-1] >= many]
 
 
+def decoupled_qr(matrix: Real) -> tuple[Real, Real]:
+    """Q and R of a tall matrix, part by part (`decoupled_parts`): where parts have no row in common Q has zeros, not rounding.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from robustid.core import decoupled_qr
+    >>> Q, R = decoupled_qr(np.array([[3.0, 0.0], [0.0, 2.0], [4.0, 0.0]]))
+    >>> np.abs(R), bool(np.all((Q == 0) == [[False, True], [True, False], [False, True]]))
+    (array([[5., 0.],
+           [0., 2.]]), True)
+    """
+    parts = decoupled_parts(matrix)
+    if len(parts) < 2 or any(rows.size < columns.size for rows, columns in parts):
+        basis, triangle = np.linalg.qr(matrix)
+        return basis, triangle
+    Q, R = np.zeros(matrix.shape), np.zeros((matrix.shape[1],) * 2)
+    for rows, columns in parts:
+        Q[np.ix_(rows, columns)], R[np.ix_(columns, columns)] = np.linalg.qr(matrix[np.ix_(rows, columns)])
+    return Q, R
+
+
+def decoupled_fit(matrix: Real, values: Real) -> Real:
+    """The shortest c of the least ``|matrix c - values|``, part by part (`decoupled_parts`)."""
+    found = np.zeros(matrix.shape[1])
+    for rows, columns in decoupled_parts(matrix):
+        found[columns] = np.linalg.lstsq(matrix[np.ix_(rows, columns)], values[rows], rcond=None)[0]
+    return found
+
+
 class DampedSteps(NamedTuple):
     """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J.
 

@@ -28,6 +28,7 @@ from robustid.estimation.record_parts import (
 _LOOKED = 3  # records and outputs of which the halves are looked at
 _SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
 _LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
+_LONG = 2**18  # samples, of which a delay is sought
 _EARLY = 10.0  # how many times less an output that comes earlier must leave
 _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
 # Times less that is left from the output to the input: noise of the input leaves less there, too. By half the poles, this suffices.
@@ -201,11 +202,22 @@ def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
 # --- output and input ------------------------------------------------------------------------------------------------------------
 
 
+def _stretch(one: Signals) -> Signals:
+    """The part of a very long record where the inputs are largest: it tells a delay as well as the whole."""
+    if one.periodic or len(one.u) <= _LONG:
+        return one
+    power = np.cumsum(np.sum(one.u**2, axis=1))
+    first = int(np.argmax(power[_LONG:] - power[:-_LONG]))
+    return one._replace(u=one.u[first : first + _LONG], y=one.y[first : first + _LONG])
+
+
 def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
     """Output that comes before its input, or long after it; input and output exchanged. Where a reference tells that the loop
     is closed only what comes late is told: a plant that is not stable makes an output that stable models have from later inputs.
     """
-    used, closed = signals[:2], any(one.reference is not None for one in records)
+    used, closed = [_stretch(one) for one in signals[:2]], any(one.reference is not None for one in records)
+    if len(used[0].u) < len(signals[0].u):
+        base = fit(used, (base.poles,)) or base
 
     @functools.cache
     def model(shift: int) -> Fitted | None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
+from robustid.estimation import record_relations
 from robustid.estimation.record_parts import Signals, fit
 from robustid.estimation.record_relations import _joining
 from support.cases import slow
@@ -58,6 +59,14 @@ def test_the_size_of_a_clock_and_of_a_delay_are_those_that_were_made():
     assert fault.size in (40, 41)
     (fault,) = of("early channel (periodic)")
     assert fault.size in (-10, -9)  # one sample is the hold's
+
+
+@pytest.mark.parametrize("name", ["late channel (random)", "early channel (random)", "exchanged columns (random)"])
+def test_a_part_of_a_very_long_record_tells_the_same_of_its_signals(name, monkeypatch):
+    whole = [(one.kind, one.where, one.correction) for one in of(name)]
+    monkeypatch.setattr(record_relations, "_LONG", len(ARM.random[0].u) // 2)
+    assert [(one.kind, one.where, one.correction) for one in of(name)] == whole
+    assert len(whole) == 1
 
 
 def test_a_unit_is_undone_by_its_correction():

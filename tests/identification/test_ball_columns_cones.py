@@ -4,11 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from robustid.bases import Sections, input_normal_pair, shift_pair
 from robustid.identification.entries import Entries
 from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
-from robustid.identification.formulation.ball import TurnedBall
+from robustid.identification.formulation.ball import Axes, TurnedBall
 from robustid.identification.formulation.passive import PassiveMap
 from robustid.identification.formulation.passive_blocks import QuadratureRealPart, QuadratureRealParts
 from robustid.identification.formulation.quadrature import QuadratureMap
@@ -79,7 +80,7 @@ def test_balls_against_stored_matrices(n):
         basis = PairMap(sections.pair).symmetric_basis
         check_map(BlockHankelMap(SectionMap(sections)), basis, rng)
         axes = np.linalg.qr(rng.standard_normal((sections.order, sections.order)))[0]
-        turned = TurnedBall(SymmetricBall(BlockHankelMap(SectionMap(sections))), axes)
+        turned = TurnedBall(SymmetricBall(BlockHankelMap(SectionMap(sections))), Axes(axes[None]))
         check_blocks(turned, [sign * np.tensordot(axes.T, basis, 1) for sign in (-1, 1)], rng)
 
 
@@ -139,8 +140,10 @@ def test_the_matrix_ball_of_a_repeated_section_against_stored_matrices(entries, 
     high, A = sarason.shape[0], np.zeros((sarason.size, sum(sarason.shape), sum(sarason.shape)))
     A[:, :high, high:], A[:, high:, :high] = H, H.transpose(0, 2, 1)
     check_blocks(sarason.ball(), [A], rng)
-    axes = np.linalg.qr(rng.standard_normal((sarason.size, sarason.size)))[0]
-    check_blocks(sarason.ball(axes), [np.tensordot(axes.T, A, 1)], rng)
+    for groups in (1, entries.count):  # one V for all, and one for every entry
+        blocks = np.linalg.qr(rng.standard_normal((groups, *(sarason.size // groups,) * 2)))[0]
+        dense = scipy.linalg.block_diag(*blocks)
+        check_blocks(sarason.ball(Axes(blocks)), [np.tensordot(dense.T, A, 1)], rng)
     x = rng.standard_normal(sarason.size)
     assert np.abs(sarason.matrix(x) - np.tensordot(x, sarason.unit_matrices, 1)).max() <= 1e-12 * np.linalg.norm(x)
 

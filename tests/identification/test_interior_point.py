@@ -33,7 +33,7 @@ def small_data(seed, case, form, coefficients=12):
 
 def dense_arrays(data, axes=None):
     """H_j and G, by the definitions, of coordinates along the axes."""
-    axes = np.eye(data.sarason.pair.order) if axes is None else axes
+    axes = np.eye(data.sarason.pair.order) if axes is None else axes.blocks[0]
     H = np.array([data.sarason.symmetry @ PairMap(data.sarason.pair).matrix(e) for e in axes.T])
     return H, np.hstack([data.rows.E.dense() @ axes, data.orthonormal[0]])
 
@@ -46,7 +46,7 @@ def feasible(data):
 
 
 def unknowns(data, point):
-    y = point.x if data.axes is None else np.linalg.solve(data.axes, point.x)
+    y = point.x if data.axes is None else np.linalg.solve(data.axes.blocks[0], point.x)
     return np.concatenate([y, data.orthonormal_parameters(point.p)])
 
 
@@ -139,7 +139,7 @@ def barrier_gradient(data, level, v):
     """Of -log det(I - X'X) - sum log(reach^2 - |e|^2), X and not H, each derivative by itself."""
     n = data.sarason.pair.order
     basis = PairMap(data.sarason.pair).basis
-    basis = basis if data.axes is None else np.tensordot(data.axes.T, basis, 1)
+    basis = basis if data.axes is None else np.tensordot(data.axes.blocks[0].T, basis, 1)
     X, G = np.tensordot(v[:n], basis, 1), dense_arrays(data, data.axes)[1]
     inverse = np.linalg.inv(np.eye(n) - X.T @ X)
     e = data.rows.y - G @ v

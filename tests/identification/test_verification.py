@@ -226,3 +226,20 @@ def test_a_certificate_of_the_wrong_size_is_no_certificate(result):
     data = ExactFormulation(PROBLEM).data
     with pytest.raises(ValueError, match=r"."):
         short.verify(data.rows, data.sarason)
+
+
+def test_modes_that_exceed_the_gain_many_times_are_verified_up_to_their_rounding():
+    """A peak of 1e8 K at damping .002, in the truncated form: only rounding is forgiven, not an amplitude off by 1e-10."""
+    dt, modes = 1e-3, rid.kautz([200.0], [0.002], dt=1e-3)
+    omega = np.union1d(np.linspace(20, 3000, 150), np.linspace(195, 205, 41))
+    values = modes.response(omega * dt) @ [1.0, 0.5]
+    prior = rid.Prior(gain_bound=1e-8 * np.abs(values).max(), decay_rate=1.1)
+    frf = rid.FrequencyResponse(omega, values, bound=2 * prior.gain_bound, dt=dt)
+    found = rid.identify(rid.MixedProblem(frequency=frf, prior=prior, parametric=modes), form="taylor")
+    assert found.verified_status is rid.Status.CONSISTENT
+    point = Candidate(found.coefficients, found.scaled_parameters * (1 + 1e-10), *(np.zeros(0),) * 2, "test")
+    model = found.model
+    states = model.nstates - found.problem.parametric.states
+    parts = found.formulation, point, Nominal(model, states, 0.0), found.claim, found.formulation.data, 1.0
+    failed = [check.name for check in verify(*parts).failed]
+    assert any("central interpolant" in name for name in failed)

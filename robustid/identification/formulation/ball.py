@@ -174,32 +174,55 @@ class DenseMapOf(DenseMap):
         return self._other.curvature(pairs)
 
 
+class Axes(NamedTuple):
+    """An orthogonal V of x = V y: blocks (k, m, m) on its diagonal, of groups of unknowns that share no sample."""
+
+    blocks: Real
+
+    def away(self, y: Real) -> Real:
+        """V y, of a vector or of columns."""
+        return self._times(self.blocks, y)
+
+    def along(self, x: Real) -> Real:
+        """V' x, of a vector or of columns."""
+        return self._times(self.blocks.transpose(0, 2, 1), x)
+
+    def of_form(self, C: Real) -> Real:
+        """V' C V of a symmetric C, symmetric."""
+        turned = self.along(self.along(C).T)
+        return (turned + turned.T) / 2
+
+    @staticmethod
+    def _times(blocks: Real, x: Real) -> Real:
+        parts = x.reshape(len(blocks), blocks.shape[1], -1)
+        return np.matmul(blocks, parts).reshape(x.shape)
+
+
 class TurnedBall(Ball):
     """The blocks of another ball in the coordinates y of x = V y, V orthogonal."""
 
-    def __init__(self, ball: Ball, axes: Real):
+    def __init__(self, ball: Ball, axes: Axes):
         self._ball, self._axes, self.size, self.blocks = ball, axes, ball.size, ball.blocks
 
     def matrices(self, x: Real) -> list[Real]:
         """The A_k(V y)."""
-        return self._ball.matrices(self._axes @ x)
+        return self._ball.matrices(self._axes.away(x))
 
     def adjoint(self, Z: list[Real]) -> Real:
         """V' times the adjoint."""
-        return self._axes.T @ self._ball.adjoint(Z)
+        return self._axes.along(self._ball.adjoint(Z))
 
     def times(self, x: Real, M: list[Real]) -> list[Real]:
         """The A_k(V y) M_k."""
-        return self._ball.times(self._axes @ x, M)
+        return self._ball.times(self._axes.away(x), M)
 
     def both(self, x: Real, M: list[Real]) -> tuple[list[Real], list[Real]]:
         """The A_k(V y) and the A_k(V y) M_k."""
-        return self._ball.both(self._axes @ x, M)
+        return self._ball.both(self._axes.away(x), M)
 
     def curvature(self, pairs: Pairs) -> Real:
         """V' times the curvature times V."""
-        turned = self._axes.T @ self._ball.curvature(pairs) @ self._axes
-        return (turned + turned.T) / 2
+        return self._axes.of_form(self._ball.curvature(pairs))
 
     def multiplier(self, Z: list[Real]) -> Real:
         """The multiplier of the ball, whatever the coordinates."""
@@ -207,7 +230,7 @@ class TurnedBall(Ball):
 
     def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
         """The blocks in y."""
-        return self._ball.inequalities(X, H, turned)._replace(change=self._axes.T)
+        return self._ball.inequalities(X, H, turned)._replace(change=self._axes.along(np.eye(self.size)))
 
 
 class MatrixBall(Ball):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import functools
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +12,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from robustid.core import Frozen, Numbers, freeze
+from robustid.identification.formulation.ball import Axes
 
 
 class Columns(Frozen, abc.ABC):
@@ -46,6 +48,14 @@ class Columns(Frozen, abc.ABC):
     @abc.abstractmethod
     def design(self, Q: Numbers, discs: int) -> Design:
         """The map of [E Q], Q the columns of the parameters, with `discs` complex samples first, in its fastest form."""
+
+    def apart(self) -> list[Numbers]:
+        """E of groups of neighbouring columns, equally many in each, that share no row."""
+        return [self.dense()]
+
+    def turned(self, axes: Axes) -> Columns:
+        """E V, of as many groups as `apart`."""
+        return DenseColumns(self.dense() @ axes.blocks[0])
 
 
 class Design(abc.ABC):
@@ -158,6 +168,32 @@ class BlockColumns(Columns):
             if np.any(size[part.rows]):
                 out[part.columns] += part.block.spread(size[part.rows])
         return out
+
+    @functools.cached_property
+    def _groups(self) -> list[list[Columns]]:
+        """Blocks with the same columns; none where some overlap, or have another number of columns than others."""
+        found: dict[tuple[int, int], list[Columns]] = {}
+        for part in self.parts:
+            found.setdefault((part.columns.start, part.columns.stop), []).append(part.block)
+        ends = sorted(found)
+        width = ends[0][1] - ends[0][0] if ends else 0
+        regular = ends == [(at, at + width) for at in range(0, self.shape[1], max(width, 1))]
+        return [found[each] for each in ends] if regular else []
+
+    def apart(self) -> list[Numbers]:
+        """E of every entry, where every part of the rows sees one entry."""
+        return [np.vstack([one.dense() for one in group]) for group in self._groups] or super().apart()
+
+    def turned(self, axes: Axes) -> Columns:
+        """E V, part by part where the groups have each their own V."""
+        if len(axes.blocks) == 1:
+            return super().turned(axes)
+        width = axes.blocks.shape[1]
+        parts = [
+            dataclasses.replace(one, block=DenseColumns(one.block.dense() @ axes.blocks[one.columns.start // width]))
+            for one in self.parts
+        ]
+        return dataclasses.replace(self, parts=tuple(parts))
 
     @property
     def norm(self) -> float:

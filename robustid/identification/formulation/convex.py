@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Array, Frozen, Numbers
+from robustid.core import Array, Frozen, Numbers, decoupled_fit, decoupled_qr
+from robustid.identification.formulation.ball import Axes
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -36,7 +37,7 @@ class ConvexData(Frozen):
         out = np.zeros(held.size)
         if held.any():
             low, high = rows.ends[held].T
-            fit = np.linalg.lstsq(rows.real(rows.P), rows.real(rows.y), rcond=None)[0][held]
+            fit = decoupled_fit(rows.real(rows.P), rows.real(rows.y))[held]
             out[held] = np.clip(fit, low + (high - low) / 10, high - (high - low) / 10)
         return out
 
@@ -44,7 +45,7 @@ class ConvexData(Frozen):
     def least_squares(self) -> NDArray[np.float64]:
         """The parameters that suit the samples best without G, (m,): free ones; the others as in `origin`."""
         p, free = self.origin.copy(), ~self.rows.held
-        p[free] = np.linalg.lstsq(self.rows.real(self.rows.P[:, free]), self.rows.real(self.y), rcond=None)[0]
+        p[free] = decoupled_fit(self.rows.real(self.rows.P[:, free]), self.rows.real(self.y))
         return p
 
     @property
@@ -75,23 +76,24 @@ class ConvexData(Frozen):
         P, (low, high) = rows.P[:, self._loose], rows.ends[self._loose].T
         held = np.isfinite(low)
         stacked = np.vstack([rows.real(P), (np.eye(P.shape[1]) * (2 / (high - low)))[held]])
-        Q, R = np.linalg.qr(stacked)
+        Q, R = decoupled_qr(stacked)
         out = Q[:count].astype(complex)
         out[:discs] += 1j * Q[count : count + discs]
         return out, R, Q[count + discs :]
 
     @functools.cached_property
-    def axes(self) -> NDArray[np.float64] | None:
+    def axes(self) -> Axes | None:
         """Orthogonal V for a basis that is not graded: with x = V y the columns E V of y are orthogonal and fall in size.
 
-        None where it is graded (the shift) or small.
+        None where it is graded (the shift) or small. Entries that share no sample have each their own: E V is as sparse as E.
         """
         # Newton matrices then are graded, so that a diagonal scaling saves the digits of what the samples hardly see: a proof
         # for 456 coefficients and 1000 frequency points comes out a thousand times sharper.
         if self.sarason.graded:
             return None
-        R = np.linalg.qr(self.rows.real(self.rows.E.dense()), mode="r")
-        return np.linalg.svd(R)[2].T
+        apart = self.rows.E.apart()
+        real = [self.rows.real(apart[0])] if len(apart) == 1 else [np.vstack([one.real, one.imag]) for one in apart]
+        return Axes(np.array([np.linalg.svd(np.linalg.qr(one, mode="r"))[2].T for one in real]))
 
     def scaled_parameters(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """The p of q; those that rounding has put outside of their interval are put back."""

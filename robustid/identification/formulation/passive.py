@@ -18,7 +18,7 @@ from robustid.bases import InputNormalPair
 from robustid.core import Complex, Frozen, Numbers, Real, freeze, series_at
 from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.entries import SINGLE, Entries
-from robustid.identification.formulation.ball import Ball
+from robustid.identification.formulation.ball import Axes, Ball
 from robustid.identification.formulation.exact import MOST_PRODUCTS, ExactFormulation
 from robustid.identification.formulation.passive_blocks import DenseRealPart, QuadratureRealPart, QuadratureRealParts
 from robustid.identification.formulation.quadrature import quadrature
@@ -66,7 +66,7 @@ class PassiveMap(SarasonMap):
         rest += 10 * values.size * np.finfo(float).eps * float(np.abs(values).sum())
         return float(-np.minimum(values, 0.0).sum()) + rest * self.largest(level)
 
-    def ball(self, axes: Real | None = None, quick: bool = False) -> Ball:
+    def ball(self, axes: Axes | None = None, quick: bool = False) -> Ball:
         """The block, by quadrature where the nodes allow it."""
         if (found := quadrature(self.pair)) is None:
             return DenseRealPart(self._symmetric_matrices)

@@ -64,8 +64,14 @@ class Rows(Frozen):
     def free_singular(self) -> tuple[float, float]:
         """Largest and smallest singular value of the columns of the parameters without an interval, as real ones."""
         free = self.P[:, ~self.held]
-        singular = np.linalg.svd(np.concatenate([np.real(free), np.imag(free)]), compute_uv=False)
-        return float(singular[0]), float(singular[-1])
+        stacked = np.concatenate([np.real(free), np.imag(free)])
+        sizes = [
+            np.append(
+                np.linalg.svd(stacked[np.ix_(at, columns)], compute_uv=False), np.zeros(max(0, columns.size - at.size))
+            )
+            for at, columns in decoupled_parts(stacked)
+        ]
+        return max(float(one[0]) for one in sizes), min(float(one[-1]) for one in sizes)
 
     def within(self, p: Real) -> bool:
         """Say whether every scaled parameter is in its interval."""

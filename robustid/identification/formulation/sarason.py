@@ -14,6 +14,7 @@ from robustid.bases import InputNormalPair, solve_stein, stein_powers
 from robustid.core import Frozen, freeze, kept_by_content
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.ball import (
+    Axes,
     Ball,
     DenseMap,
     DenseMapOf,
@@ -138,7 +139,7 @@ class SarasonMap(Frozen, abc.ABC):
         """All functions of the unit ball with the data x; needs ||X(x)|| < 1."""
         return interpolants(self.pair, self.entries.parted(self.matrix(x)), self.entries.expand(x))
 
-    def ball(self, axes: NDArray[np.float64] | None = None, quick: bool = False) -> Ball:
+    def ball(self, axes: Axes | None = None, quick: bool = False) -> Ball:
         """||X|| <= b as semidefinite blocks of x, of its coordinates along `axes` where they are given.
 
         `quick` ones may differ in their last digits: for bounds, whose proofs are evaluated anew.

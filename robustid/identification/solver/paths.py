@@ -31,7 +31,7 @@ def barrier_program(data: ConvexData, limits: Limits, cost: float | None, quick:
     rows, (Q, _), (a, B) = data.rows, data.orthonormal, data.intervals
     E, ball, y, cones = rows.E, data.sarason.ball(data.axes, quick), data.y, Cones(rows.cones, rows.cone)
     if data.axes is not None:
-        E = DenseColumns(E.dense() @ data.axes)
+        E = E.turned(data.axes)
     elif quick and isinstance(E, ShiftColumns) and E.shape[0] * E.shape[1] <= _FEW:
         E = DenseColumns(E.dense())
     design = E.design(Q, rows.discs)
@@ -49,13 +49,13 @@ def _candidate(data: ConvexData, program: Program, at: Iterate) -> Candidate:
     """The point with its multipliers: <l, e> <= s sum|l| for l = -z1, and <Y, X> <= ||Y||_*."""
     n = data.sarason.size
     Y = data.sarason.turned(program.ball.multiplier(at.Z))
-    x = at.v[:n] if data.axes is None else data.axes @ at.v[:n]
+    x = at.v[:n] if data.axes is None else data.axes.away(at.v[:n])
     return Candidate(x, data.scaled_parameters(at.v[n:]), -at.z[1][: data.rows.y.size], Y, "structured")
 
 
 def _unknowns(data: ConvexData, point: Candidate) -> Real:
     """(y, q) of a point, y its coefficients along the axes."""
-    y = point.x if data.axes is None else data.axes.T @ point.x
+    y = point.x if data.axes is None else data.axes.along(point.x)
     return np.concatenate([y, data.orthonormal_parameters(point.p)])
 
 
@@ -166,7 +166,7 @@ class Supports:
         With the multipliers l and Y of each: direction = (E'l + (<Y, X(e_j)>)_j, P'l), approximately.
         """
         data = self._data
-        direct = direction[0] if data.axes is None else data.axes.T @ direction[0]
+        direct = direction[0] if data.axes is None else data.axes.along(direction[0])
         w, offset = np.concatenate([direct, data.direction(direction[1])]), float(direction[1] @ data.origin)
         # In units of what the functional does in the ellipsoid of the barrier at the start, so that mu = 1 suits it.
         size = float(np.sqrt(max(w @ self._first.solve(w), 0.0)))
@@ -183,7 +183,7 @@ class Supports:
 
     def surely_inside(self, x: Real) -> bool:
         """Return whether the blocks of the ball at x are positive definite by more than what rounding makes of them."""
-        ball, x = self._first.program.ball, x if self._data.axes is None else self._data.axes.T @ x
+        ball, x = self._first.program.ball, x if self._data.axes is None else self._data.axes.along(x)
         try:
             for A in ball.matrices(x):
                 cholesky(A + (1 - _ROOM) * np.eye(len(A)))
@@ -205,7 +205,7 @@ def barrier_extents(data: ConvexData, inside: Candidate, level: float, X: Real, 
     """The matrix (k, k) of directions (x, p), columns of X and P, in the ellipsoid of the barrier at a point inside."""
     # Its diagonal has the squares of their half-widths in an ellipsoid that the set contains; the set is at most as many times
     # larger as the barrier has terms. One Newton matrix serves any number of directions.
-    along = X if data.axes is None else data.axes.T @ X
+    along = X if data.axes is None else data.axes.along(X)
     W = np.vstack([along, np.column_stack([data.direction(p) for p in P.T])])
     limits = Limits((1.0, 0.0), (level - data.rows.tail, np.zeros(data.rows.cones)))
     program = barrier_program(data, limits, None, quick=True)
