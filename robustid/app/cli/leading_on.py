@@ -22,21 +22,16 @@ def lead_on(command: Any, context: Context, words: Sequence[str]) -> None:
     given, over, _ = command.make_parser(context).parse_args(list(words))
     if context.resilient_parsing or any(given.get(one.name) for one in command.get_params(context) if one.is_eager):
         return
-    _refuse_no_value(command, words)
+    known = {flag: one for one in command.params for flag in (*one.opts, *one.secondary_opts)}
+    for word, after in itertools.pairwise(words):
+        if word in _valued(command) and after in known:
+            raise InputError(f"{word} needs a value, and {after} is another option. {known[word].help}", argument=word)
     name = str(context.info_name)
     needed = [one for one in command.params if one.required and given.get(one.name) in (None, ())]
     if over:
         raise InputError(_with_options(command, name, words, over), argument=_KINDS[0], got=over)
     if needed:
         raise InputError(_missing(command, name, needed[0]), argument=_said(needed[0]))
-
-
-def _refuse_no_value(command: Any, words: Sequence[str]) -> None:
-    """Refuse an option that has another one in place of its value."""
-    known = {flag: one for one in command.params for flag in (*one.opts, *one.secondary_opts)}
-    for word, after in itertools.pairwise(words):
-        if word in _valued(command) and after in known:
-            raise InputError(f"{word} needs a value, and {after} is another option. {known[word].help}", argument=word)
 
 
 def _valued(command: Any) -> set[str]:

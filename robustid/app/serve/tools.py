@@ -115,7 +115,8 @@ class Tool(NamedTuple):
                 for item in items:
                     _check_place(name, item, folder)
             if one.kind is bool:
-                options += _flag(one, bool(value))
+                yes, _, no = one.option.partition("/")
+                options += [yes] if bool(value) else [no] * bool(no)
             elif one.option:
                 options += [f"{one.option}={item}" for item in items]
             else:
@@ -129,11 +130,6 @@ def _refuse_unknown(name: str, known: Mapping[str, Argument], tool: str) -> None
     except InputError as error:
         error.argument = name
         raise
-
-
-def _flag(one: Argument, value: bool) -> list[str]:
-    yes, _, no = one.option.partition("/")
-    return [yes] if value else [no] * bool(no)
 
 
 def _check_place(name: str, value: str, folder: Path) -> None:
