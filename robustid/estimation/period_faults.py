@@ -61,7 +61,9 @@ def _steady(records: list[TimeRecord], period: int) -> slice:
 
 def _noisy(u: Real, y: Real, period: int, names: list[str], told: set[tuple[int, str]]) -> list[Fault]:
     """Noise of one record unlike that of the others, and not because its input is larger too."""
-    noise = _scatter(y, period)
+    # standard deviation between the periods
+    cut = y.reshape(len(y), -1, period, y.shape[2])
+    noise = np.sqrt(cut.var(axis=1, ddof=1).mean(axis=1))
     level: Real = np.sqrt(np.mean(np.var(u, axis=1), axis=1))[:, None]
     part = noise / np.where(level > 0, level, np.inf)
     usual, usual_part = (
@@ -79,12 +81,6 @@ def _noisy(u: Real, y: Real, period: int, names: list[str], told: set[tuple[int,
         )
         found.append(Fault(FaultKind.DISTURBED, words, where=names[i], record=int(k) + 1, size=times))
     return found
-
-
-def _scatter(signals: Real, period: int) -> Real:
-    """Standard deviation between the periods, (R, n), of signals (R, T, n)."""
-    cut = signals.reshape(len(signals), -1, period, signals.shape[2])
-    return np.sqrt(cut.var(axis=1, ddof=1).mean(axis=1))
 
 
 def _transients(records: list[TimeRecord], period: int, told: set[tuple[int, str]]) -> list[Fault]:

@@ -132,7 +132,9 @@ def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) ->
     best: tuple[float, Complex] = (np.inf, poles)
     for _ in range(_RELOCATIONS):
         reduced = _reduced(pieces, poles)
-        own = np.linalg.qr(_scaled(np.concatenate([one.rows for one in reduced])))[0]
+        rows = np.concatenate([one.rows for one in reduced])
+        size = np.linalg.norm(rows, axis=0)
+        own = np.linalg.qr(rows / np.where(size > 0, size, 1))[0]
         left = np.concatenate([one.right for one in reduced])
         left -= own @ (own.T @ left)
         cost = float(left @ left)
@@ -173,11 +175,6 @@ def _relocated(pieces: Sequence[Piece], reduced: Sequence[_Reduced], own: Real, 
 
 def _functions(z: Complex, poles: Complex) -> Complex:
     return np.hstack([fractions(z, poles), np.ones((z.size, 1))]).astype(complex)
-
-
-def _scaled(rows: Real) -> Real:
-    size = np.linalg.norm(rows, axis=0)
-    return rows / np.where(size > 0, size, 1)
 
 
 def _solved(rows: Real, right: Real) -> Real:

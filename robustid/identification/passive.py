@@ -85,9 +85,8 @@ def centred(problem: _Posed) -> tuple[Prior, ParametricBasis, Real]:
             " by the whole matrix at one frequency at least"
         )
     if prior.gain_bound is None:
-        prior = _with_scale(
-            prior, max(float(np.abs(positive_values(f, problem)[f.bound.used]).max()) for f in frequency)
-        )
+        size = max(float(np.abs(positive_values(f, problem)[f.bound.used]).max()) for f in frequency)
+        prior = dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
     constant = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
     if not problem.weighting.trivial:
         constant = problem.weighting.own.states
@@ -151,10 +150,6 @@ def _highest(modes: ParametricBasis, frequency: tuple[FrequencyResponse, ...], p
             most = np.where(functions[:, :, None] > 0, np.maximum(left, 0.0)[:, None] / functions[:, :, None], np.inf)
         highest = np.minimum(highest, most.min(axis=0, initial=np.inf))
     return highest
-
-
-def _with_scale(prior: Prior, size: float) -> Prior:
-    return dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
 
 
 def check_gain(problem: _Posed, what: str) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 
 from robustid.controllers import ControllerDesign, DesignStatus, Improvement, Limits, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
-from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
 from robustid.report.data_faults import shown_faults
@@ -376,12 +375,8 @@ def _margins(design: ControllerDesign) -> list[Block]:
     found: list[Block] = []
     for k, one in enumerate(design.proofs, start=1):
         found += [Heading(f"Band {k}", 3)] if len(design.proofs) > 1 else []
-        found += [peaks_table(one), Facts(_without_assumed(one)), *single_loops(one)]
+        found += [peaks_table(one), Facts([row for row in loop_rows(one) if row[0] != "Assumed"]), *single_loops(one)]
     return found
-
-
-def _without_assumed(bounds: LoopBounds) -> list[tuple[str, str]]:
-    return [row for row in loop_rows(bounds) if row[0] != "Assumed"]
 
 
 def _stands_on(design: ControllerDesign) -> list[tuple[str, str]]:
