@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,10 +183,8 @@ def validate(model: object, data: TimeRecord | FrequencyResponse | TangentialRes
 
 def check_model(name: str, model: object) -> Model:
     """Return a finite `control.StateSpace` whose time base is known, of a model in any form or of a result that has one."""
-    import control
-
     model = as_state_space(name, model_of(model))
-    if not isinstance(model, control.StateSpace):
+    if not _is_state_space(model):
         if hasattr(model, "frdata"):
             raise InputTypeError(
                 f"`{name}` must be a control.StateSpace; got a frequency response. Give the model that it is the response of, or"
@@ -208,6 +206,12 @@ def as_system(name: str, model: Any) -> tuple[StateMatrices, float | None]:
     found = check_model(name, model)
     system = balanced_scales(StateMatrices.of(found))
     return system, found.dt if len(system.A) else None
+
+
+def _is_state_space(model: object) -> TypeGuard[Model]:
+    import control
+
+    return isinstance(model, control.StateSpace)
 
 
 def describe_poles(poles: Numbers, dt: float | None) -> str:

@@ -285,12 +285,16 @@ def weights_chart(
             Layer("bound of the error", steps, np.repeat(weight.bound[:, i, j], 2), ALERT, dash="solid"),
             Layer("|weight|", hz, sizes, NOMINAL, dash="solid"),
         )
-        row = outputs[i] if outputs else f"output {i + 1}"
-        column = inputs[j] if inputs else f"input {j + 1}"
-        title = {"full": "all entries", "input": column, "output": row, "entry": f"{row} / {column}"}[weight.structure]
+        title = _block(weight.structure, i, j, outputs, inputs)
         y = Axis("size of the error", log=True, range=span_of(np.concatenate([one.y for one in layers]), 1.5))
         panels.append(Panel(title, axis, y, layers))
     return Chart("weights", panels, linked=True, columns=q, grid=p * q > 1)
+
+
+def _block(structure: str, i: int, j: int, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> str:
+    row = outputs[i] if outputs else f"output {i + 1}"
+    column = inputs[j] if inputs else f"input {j + 1}"
+    return {"full": "all entries", "input": column, "output": row, "entry": f"{row} / {column}"}[structure]
 
 
 def _names(identification: Identification) -> tuple[list[str], list[str]]:
