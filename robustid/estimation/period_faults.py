@@ -1,4 +1,4 @@
-"""Faults that whole periods show: transients, drifts, noise of one record, noise of the input, tones, sample instants that are off."""
+"""Faults that whole periods show: transients, drifts, noise of a record or of the input, tones, sample instants that are off."""
 
 from __future__ import annotations
 

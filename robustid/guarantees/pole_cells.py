@@ -263,10 +263,7 @@ class PoleCell(Frozen):
 def box_of(identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int) -> PoleCell:
     """Pole-uncertainty box as one cell, with certified bounds of its amplitudes.
 
-    Raises
-    ------
-    InputError
-        As `checked_box`; the samples bound no amplitude of some mode by itself.
+    InputError: as `checked_box`; the samples bound no amplitude of some mode by itself.
     """
     return proved_cell(identification.problem, *checked_box(identification, omega, damping, delay))
 
@@ -282,11 +279,7 @@ def proved_cell(
     """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
 
     Those `before` are of a larger cell.
-
-    Raises
-    ------
-    InputError
-        The samples bound no amplitude of some mode by itself.
+    InputError: the samples bound no amplitude of some mode by itself.
     """
     own = _about(problem, omega, damping, delay)
     proofs = extractions_over(own, omega, damping, before) if proofs is None else proofs

@@ -153,12 +153,7 @@ def _highest(modes: ParametricBasis, frequency: tuple[FrequencyResponse, ...], p
 
 
 def check_gain(problem: _Posed, what: str) -> None:
-    """Refuse a positive-real class where something rests on a gain bound.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a positive-real class where something rests on a gain bound."""
     if problem.prior.positive_real:
         raise InputError(
             f"`prior` is a PositiveReal class, which has no gain bound, and {what} needs one; state a Prior(gain_bound=...) for it"

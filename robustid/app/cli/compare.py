@@ -18,6 +18,7 @@ from robustid.errors import InputError, Status
 if TYPE_CHECKING:
     from robustid.advice import CommonModes
     from robustid.app.cli.screen import Terminal
+    from robustid.core import Record
     from robustid.data import FrequencyResponse
     from robustid.identification import Comparison, Validation
 
@@ -130,7 +131,8 @@ def _compared(console: Terminal, paths: Sequence[Path], things: list[object], ho
             names = [str(path) for path in paths]
         if len(set(names)) < len(names):
             raise InputError("a file is named twice: a setup agrees with itself whatever it measured")
-        return common_modes(dict(zip(names, things, strict=True)), probability=how.probability)
+        named: Record = dict(zip(names, things, strict=True))
+        return common_modes(named, probability=how.probability)
 
 
 def response_of(console: Terminal, path: Path, found: object, period: int | None) -> FrequencyResponse:

@@ -26,10 +26,7 @@ def most_missed_hz(identification: Identification) -> float:
 def added(identification: Identification | None, count: int, fields: Sequence[object]) -> list[object]:
     """The number of modes and their fields, with another mode where the nominal model misses the data most.
 
-    Raises
-    ------
-    InputError
-        The nominal model is not there yet.
+    InputError: the nominal model is not there yet.
     """
     if identification is None:
         raise InputError("A mode is added where the nominal model misses the data most: wait for the margin")

@@ -90,10 +90,7 @@ class Tool(NamedTuple):
     def words(self, given: Mapping[str, Any], folder: Path, limit: float) -> list[str]:
         """The command with these arguments: its words.
 
-        Raises
-        ------
-        InputError, InputTypeError
-            An unknown argument, a missing one, one of another kind, a path outside of the folder.
+        InputError, InputTypeError: an unknown argument, a missing one, one of another kind, a path outside of the folder.
         """
         known = self.arguments
         for name in given:

@@ -309,11 +309,7 @@ class DirectedBand(Frozen):
 
     def at(self, angles: Real) -> tuple[Complex, Real]:
         """Centres and radii of discs around the polygons at angles."""
-        return smallest_discs(self.corners_at(angles))
-
-    def corners_at(self, angles: Real) -> Complex:
-        """Corners of the polygons at angles, (N, M)."""
-        return corners_of_supports(self.supports(angles))
+        return smallest_discs(corners_of_supports(self.supports(angles)))
 
     def errors(self, nominal: Complex, angles: Real, rounding: float) -> KnownErrors:
         """F less nominal values (N, k) at angles, these known up to rounding: bounds and discs (N, k), supports of the first."""

@@ -63,14 +63,9 @@ class Functions(Frozen):
         return len(self.kept)
 
     @property
-    def mode_count(self) -> int:
-        """Number of modes with their poles in a box."""
-        return 0 if self.modes is None else self.modes.middle.size
-
-    @property
     def amplitudes(self) -> int:
         """Number of amplitudes of an entry."""
-        return self.fixed_count + self.mode_count
+        return self.fixed_count + (0 if self.modes is None else self.modes.middle.size)
 
     @functools.cached_property
     def _columns(self) -> tuple[tuple[int, float, bool], ...]:
