@@ -27,7 +27,15 @@ from robustid.core.description import Arrays, Options, Record, described, digest
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
 from robustid.core.kept import kept_by_content
-from robustid.core.least_squares import DampedSteps, Projection, decoupled_parts, lengths, projected, singular_parts
+from robustid.core.least_squares import (
+    DampedSteps,
+    Projection,
+    decoupled_parts,
+    lengths,
+    projected,
+    real_rows,
+    singular_parts,
+)
 from robustid.core.models import as_state_space, labels_of, model_of, numbered
 from robustid.core.number_words import hz_scale, hz_span, hz_words, rounded_down, rounded_up
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
@@ -177,6 +185,7 @@ __all__ = [
     "poles_of",
     "projected",
     "read_arrays",
+    "real_rows",
     "response",
     "response_at",
     "responses",

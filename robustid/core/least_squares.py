@@ -135,3 +135,8 @@ class DampedSteps(NamedTuple):
             middle = math.sqrt(low * high)
             low, high = (middle, high) if length(middle) > radius else (low, middle)
         return self.step(high)
+
+
+def real_rows(values: Numbers) -> Real:
+    """Real parts over imaginary parts: the real inner product of complex columns."""
+    return np.concatenate([np.real(values), np.imag(values)])

@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Numbers, freeze
+from robustid.core import Frozen, Numbers, freeze, real_rows
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -295,11 +295,6 @@ def leaked(
     reach = np.abs(ends).max(axis=1, initial=0.0)
     error = rounding[held] + 2 * (held.size + 2) * eps * np.abs(slope[held])
     return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
-
-
-def real_rows(matrix: Numbers) -> NDArray[np.float64]:
-    """Real parts above imaginary parts."""
-    return np.concatenate([np.real(matrix), np.imag(matrix)])
 
 
 def _balanced(samples: NDArray[np.complex128], target: NDArray[np.float64], rows: Rows) -> NDArray[np.complex128]:

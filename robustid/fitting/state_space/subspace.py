@@ -8,10 +8,10 @@ import math
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Budget, Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
+from robustid.core import Budget, Frozen, as_array, as_count, as_flag, freeze, one_thread, real_rows, response_at
 from robustid.errors import InputError
 from robustid.fitting.fraction.householder import triangle
-from robustid.fitting.state_space.given_poles import Samples, band, fit_inputs, real_rows, reflected
+from robustid.fitting.state_space.given_poles import Samples, band, fit_inputs, reflected
 
 # |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
 _ON_CURVE = 1e-9
