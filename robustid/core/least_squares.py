@@ -82,21 +82,11 @@ def decoupled_parts(matrix: Numbers) -> list[tuple[NDArray[np.intp], NDArray[np.
 
 
 class DampedSteps(NamedTuple):
-    """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J.
+    """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J."""
 
-    Attributes
-    ----------
-    sizes : (k,) array
-        Singular values of J, falling.
-    along : (k,) array
-        Components of r along the left singular vectors.
-    directions : (k, n) array
-        Right singular vectors, as rows.
-    """
-
-    sizes: Real
-    along: Real
-    directions: Real
+    sizes: Real  # (k,); singular values of J, falling
+    along: Real  # (k,); components of r along the left singular vectors
+    directions: Real  # (k, n); right singular vectors, as rows
 
     @classmethod
     def of(cls, J: Real, r: Real, seen: float = 0.0) -> DampedSteps:

@@ -35,26 +35,14 @@ class Predicted(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ResponseModel:
-    """Poles, residues and what the response says of them.
-
-    Attributes
-    ----------
-    fit : PoleFit
-    poles : array
-        Of the fit, and last one below the lowest frequency, whose residues are zero and open.
-    coefficients : (n, nu, ny) array
-        Real: of the functions of the poles, and of the constant.
-    known : list of (R, q)
-        For each output: R times the changes of the unknowns is q, plus numbers of variance 1 at most.
-    misfit : float
-        Of the response, rms, in units of its bound.
-    """
+    """Poles, residues and what the response says of them."""
 
     fit: PoleFit
-    poles: Complex
-    coefficients: Real
+    poles: Complex  # of the fit, and last one below the lowest frequency, whose residues are zero and open
+    coefficients: Real  # (n, nu, ny); real: of the functions of the poles, and of the constant
+    # list of (R, q); for each output: R times the changes of the unknowns is q, plus numbers of variance 1 at most
     known: list[tuple[Real, Real]]
-    misfit: float
+    misfit: float  # of the response, rms, in units of its bound
 
     def simulated(self, u: Real, dt: float, *, periodic: bool, slopes: bool = True) -> Simulated:
         """Answers of the functions to inputs (T, nu) held over `dt`."""

@@ -39,25 +39,14 @@ class PoleCell(Frozen):
     after m terms; c/(s - a) into multiples of 1/(s - a0)^(k+1), with d = |s - a0|. So the systems with poles in the cell are among
     those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does
     to them. MIMO: every entry has its own c and C, all have the poles in common.
-
-    Attributes
-    ----------
-    omega, damping : (M, 2) arrays
-        Ends, rad/s and 1.
-    amplitude : (M,) array; MIMO: (M, ny, nu)
-        C, the largest |c| of every mode.
-    delay : int, samples
-    dt : float, s
-        0 in continuous time.
-    proofs : tuple of Extraction
-        Sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated.
     """
 
-    omega: Real
+    omega: Real  # omega, damping: (M, 2); ends, rad/s and 1
     damping: Real
-    amplitude: Real
+    amplitude: Real  # (M,); MIMO: (M, ny, nu); C, the largest |c| of every mode
     delay: int
-    dt: float
+    dt: float  # s; 0 in continuous time
+    # sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated
     proofs: Extractions = ()
 
     def __post_init__(self) -> None:

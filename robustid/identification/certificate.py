@@ -109,21 +109,11 @@ def evaluate_certificate(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Functional(Frozen):
-    """A real number that every system of the class has: f = <x, u> + <p, v> + remainder, |remainder| <= tail.
+    """A real number that every system of the class has: f = <x, u> + <p, v> + remainder, |remainder| <= tail."""
 
-    Attributes
-    ----------
-    x : (n,) array
-        Weights of the coefficients of the non-parametric part.
-    p : (m,) array
-        Weights of the scaled parameters (transients included).
-    tail : float
-        What the other coefficients can do; 0 where the n coefficients determine the value.
-    """
-
-    x: NDArray[np.float64]
-    p: NDArray[np.float64]
-    tail: float = 0.0
+    x: NDArray[np.float64]  # (n,); weights of the coefficients of the non-parametric part
+    p: NDArray[np.float64]  # (m,); weights of the scaled parameters (transients included)
+    tail: float = 0.0  # what the other coefficients can do; 0 where the n coefficients determine the value
 
     def __post_init__(self) -> None:
         self._set(x=freeze(self.x), p=freeze(self.p))

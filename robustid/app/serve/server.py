@@ -32,15 +32,7 @@ _FAILED = ("refused", "stopped", "broken")
 
 
 class Tools:
-    """The tools of one folder; one call at a time, each with a time limit.
-
-    Parameters
-    ----------
-    folder : Path
-        Of all files.
-    limit : float
-        Seconds of a call.
-    """
+    """The tools of one folder; one call at a time, each with a time limit."""
 
     def __init__(self, folder: Path, limit: float) -> None:
         import anyio

@@ -27,32 +27,19 @@ _LARGEST_PROJECTOR = 1e5
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModalForm(Frozen):
-    """A model in real block-diagonal form, and how well it could be brought there.
+    """A model in real block-diagonal form, and how well it could be brought there."""
 
-    Attributes
-    ----------
-    model : control.StateSpace
-        Same response, dt and signals. Blocks of A: ``[[a, b], [-b, a]]`` for a pair a ± jb, 1x1 for a real pole; poles
-        too close to be told apart share a larger block (quasi-triangular).
-    blocks : tuple of slice
-        States of each block, by distance of the poles from the rigid-body pole.
-    rigid : int
-        Number of states of the rigid body, in the first block: ``[[0, I, 0], [0, 0, 0], [0, 0, 0]]`` plus I times the
-        rigid-body pole (0 in s, 1 in z), exactly: chains of two integrators, then single integrators.
-    transformation : (n, n) array
-        T of ``x = T x_modal``; the columns of a block span its invariant subspace.
-    condition : float
-        ``|T| |T^{-1}|`` (spectral norms).
-    error : float
-        Largest difference from the response of the model given, relative to its norm at that frequency, on a grid that
-        holds all resonances.
-    """
-
+    # same response, dt and signals. Blocks of A: ``[[a, b], [-b, a]]`` for a pair a ± jb, 1x1 for a real pole; poles
+    # too close to be told apart share a larger block (quasi-triangular)
     model: control.StateSpace
-    blocks: tuple[slice, ...]
+    blocks: tuple[slice, ...]  # states of each block, by distance of the poles from the rigid-body pole
+    # number of states of the rigid body, in the first block: ``[[0, I, 0], [0, 0, 0], [0, 0, 0]]`` plus I times the
+    # rigid-body pole (0 in s, 1 in z), exactly: chains of two integrators, then single integrators
     rigid: int
-    transformation: np.ndarray
-    condition: float
+    transformation: np.ndarray  # (n, n); T of ``x = T x_modal``; the columns of a block span its invariant subspace
+    condition: float  # ``|T| |T^{-1}|`` (spectral norms)
+    # largest difference from the response of the model given, relative to its norm at that frequency, on a grid that
+    # holds all resonances
     error: float
 
     def __post_init__(self) -> None:
