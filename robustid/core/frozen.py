@@ -21,7 +21,7 @@ _SCREEN = 24  # fields
 class Frozen:
     """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only.
 
-    They print in at most a screen (`short_repr`).
+    They print in at most a screen.
     """
 
     def __init_subclass__(cls, **options: object) -> None:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robustid.app.run.candidates import candidate_words
 from robustid.app.run.class_choice import SPARE
-from robustid.app.run.controllers import candidate_words
 from robustid.app.run.designed import NOT_DESIGNED, design_words
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes

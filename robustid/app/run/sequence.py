@@ -8,8 +8,8 @@ import numpy as np
 
 from robustid.advice import Diagnosis, content, diagnose
 from robustid.app.run import findings
+from robustid.app.run.candidates import tried
 from robustid.app.run.class_choice import SPARE, inflated_problem, with_larger_gain
-from robustid.app.run.controllers import tried
 from robustid.app.run.designed import designed
 from robustid.app.run.kept_out import compared, with_frequencies
 from robustid.app.run.measurements import Measured
