@@ -297,7 +297,11 @@ def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
-        return [*found, Drawing(_with_units(model_chart(design.controller, "controller"), design))]
+        # with its signals in the label of the magnitude, from the output of the plant to the input
+        chart = model_chart(design.controller, "controller")
+        problem, (size, phase) = design.proofs[0].band.problem, chart.panels
+        axis = dataclasses.replace(size.y, label=f"{problem.inputs[0]} / {problem.outputs[0]}")
+        return [*found, Drawing(dataclasses.replace(chart, panels=(dataclasses.replace(size, y=axis), phase)))]
     return [*found, Grid(list(_entries(design, design.controller)), design.controller.ninputs)]
 
 
@@ -312,13 +316,6 @@ def _entries(design: ControllerDesign, controller: control.StateSpace) -> Iterat
             size = dataclasses.replace(first.y, label=f"size{unit_label(u.unit, y.unit)}")
             first = dataclasses.replace(first, title=f"From {y.name} to {u.name}", y=size)
             yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
-
-
-def _with_units(chart: Chart, design: ControllerDesign) -> Chart:
-    """The controller with its signals in the label of the magnitude, from the output of the plant to the input."""
-    problem, (size, phase) = design.proofs[0].band.problem, chart.panels
-    axis = dataclasses.replace(size.y, label=f"{problem.inputs[0]} / {problem.outputs[0]}")
-    return dataclasses.replace(chart, panels=(dataclasses.replace(size, y=axis), phase))
 
 
 def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:

@@ -94,7 +94,11 @@ class Tool(NamedTuple):
         """
         known = self.arguments
         for name in given:
-            _refuse_unknown(name, known, self.name)
+            try:
+                refuse_unknown([name], known, f"the tool {self.name}", "argument")
+            except InputError as error:
+                error.argument = name
+                raise
         for name, one in known.items():
             if one.required and name not in given:
                 raise InputError(f"{name} is missing: {one.help}", argument=name)
@@ -119,14 +123,6 @@ class Tool(NamedTuple):
             else:
                 placed += items
         return [self.command.__name__, *options, *self.fixed, "--json", "--", *placed]
-
-
-def _refuse_unknown(name: str, known: Mapping[str, Argument], tool: str) -> None:
-    try:
-        refuse_unknown([name], known, f"the tool {tool}", "argument")
-    except InputError as error:
-        error.argument = name
-        raise
 
 
 def _check_place(name: str, value: str, folder: Path) -> None:

@@ -75,7 +75,11 @@ class VectorPolynomials(Frozen):
     @cached_property
     def condition(self) -> float:
         """Measured condition number of the normal matrix (without null columns)."""
-        return _condition(self.values[:, ~self.null] if self.null.any() else self.values)
+        values = self.values[:, ~self.null] if self.null.any() else self.values
+        if not values.shape[1]:
+            return 1.0
+        eigenvalues = scipy.linalg.eigvalsh(syrk(1.0, values, trans=1), lower=False)
+        return float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0 else np.inf
 
     @property
     def size(self) -> int:
@@ -271,13 +275,6 @@ def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tu
     values[:, start : start + count] = 0.0
     values[:, start + kept] = second
     return G, ~keep
-
-
-def _condition(values: np.ndarray) -> float:
-    if not values.shape[1]:
-        return 1.0
-    eigenvalues = scipy.linalg.eigvalsh(syrk(1.0, values, trans=1), lower=False)
-    return float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0 else np.inf
 
 
 def _real_times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -87,21 +87,17 @@ class QuadratureMap(SymmetricMap):
 
 def quadrature(pair: InputNormalPair) -> tuple[Complex, Complex] | None:
     """The b_k and the phi(z_k) of a cascade, as rows; None where nodes too near to the circle cost the digits of b_k."""
-    phi = _values(pair, np.exp(1j * _nodes(_zeros(pair.A))))
+    # eigenvalues of a cascade's A: of blocks of size one or two on its diagonal
+    found: list[complex] = []
+    k, n = 0, len(pair.A)
+    while k < n:
+        wide = 2 if k + 1 < n and pair.A[k, k + 1] else 1
+        found.extend(np.linalg.eigvals(pair.A[k : k + wide, k : k + wide]).tolist())
+        k += wide
+    phi = _values(pair, np.exp(1j * _nodes(np.array(found, complex))))
     rows = phi.conj() / np.linalg.norm(phi, axis=1)[:, None]
     gram = np.real(rows.T @ rows.conj())
     return (rows, phi) if np.abs(gram - np.eye(pair.order)).max(initial=0.0) < _EXACT else None
-
-
-def _zeros(A: Real) -> Complex:
-    """The eigenvalues of a cascade's A: of blocks of size one or two on its diagonal."""
-    found: list[complex] = []
-    k, n = 0, len(A)
-    while k < n:
-        wide = 2 if k + 1 < n and A[k, k + 1] else 1
-        found.extend(np.linalg.eigvals(A[k : k + wide, k : k + wide]).tolist())
-        k += wide
-    return np.array(found, complex)
 
 
 def _nodes(zeros: Complex) -> Real:
