@@ -18,8 +18,6 @@ _DRIFTS = 0.05  # part of the rms of an output
 _INPUT_NOISE = 0.05  # of the input at the lines that carry it
 _CARRYING = 0.2  # of its largest line
 _DECAYS = 1.4  # times the power by which any later period differs from the late ones
-
-
 _CHANCE = 1e-4
 
 _FEWEST = 4  # periods of all records

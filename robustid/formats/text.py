@@ -209,8 +209,6 @@ _SECTIONS = (
 
 
 _EC_LAB = re.compile(r"(EC|BT)-Lab ASCII FILE")
-
-
 _HEAD_LINES = re.compile(r"Nb header lines\s*:\s*(\d{1,6})")
 
 
