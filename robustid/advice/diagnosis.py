@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import logging
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,9 +22,10 @@ from robustid.advice.causes import (
     unit_cause,
 )
 from robustid.advice.class_changes import changes_of, found_modes, mode_options
-from robustid.advice.experiment_causes import causes_of_experiments
+from robustid.advice.experiment_corrections import Experiment
 from robustid.advice.pole_search import improve_kautz
 from robustid.core import Budget, Frozen, Interruptible, Progress, as_kind, hz_words, one_thread
+from robustid.data import Fault
 from robustid.errors import InputError, SolverError
 from robustid.identification import Identification, MixedProblem, contradictions
 from robustid.identification.formulation import QUICK_EXACT
@@ -293,3 +296,33 @@ def _effect(margin: float, before: float) -> str:
     if margin > 0.95 * before:
         return "next to nothing gained"
     return f"{before / margin:.3g} times smaller" + (", still inconsistent" if margin > 1 else "")
+
+
+def causes_of_experiments(problem: MixedProblem, faults: Sequence[Fault], margin: float, budget: Budget) -> list[Cause]:
+    """Causes that are faults of single experiments; their corrections are tried together."""
+    if not faults:
+        return []
+    changed: MixedProblem | None = problem
+    for fault in faults:
+        if fault.correction and changed is not None:
+            changed = _place(fault).corrected(changed, fault.correction)
+    after = None
+    if changed is not None and changed is not problem:
+        with contextlib.suppress(InputError):
+            after = judged_margin(changed, 1.0, budget)
+    causes: list[Cause] = []
+    for fault in faults:
+        if not fault.correction or changed is None or after is None:
+            causes.append(Cause(fault.cause, "", "", problem, evidence=fault.evidence))
+            continue
+        change, option = _place(fault).change(problem, fault.correction)
+        shown = f"with the correction the margin is {after:.3g} in place of {margin:.4g}"
+        causes.append(Cause(fault.cause, change, option, changed, evidence=shown, margin=after))
+    return causes
+
+
+def _place(fault: Fault) -> Experiment:
+    """The experiment that a fault is of."""
+    return (
+        Experiment("frequency", fault.response - 1) if fault.response else Experiment("time", max(fault.record - 1, 0))
+    )

@@ -221,7 +221,9 @@ def suggest_kautz(
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
     reason += words
-    boxes: Sequence[PoleBox] = _intervals(fit, poles, kept.tolist(), shown)
+    boxes: Sequence[PoleBox] = [
+        bounded_by_shown(pole_interval(fit, poles, k), poles[k], shown, fit.angle) for k in kept.tolist()
+    ]
     kept, boxes, words = _bounded(kept, boxes, fit) if wanted is None else (kept, boxes, "")
     reason += words
     step, edges = fit.plane.dt, _edges(boxes, fit)
@@ -288,10 +290,6 @@ def _bounded(
 def _edges(boxes: Sequence[PoleBox], fit: LineData) -> Real:
     """Intervals of modes, (M, 2, 2)."""
     return mode_intervals(np.array([box.ends for box in boxes]).reshape(-1, 2, 2), fit.plane)
-
-
-def _intervals(fit: LineData, poles: Real, kept: Sequence[int], shown: Real) -> list[PoleBox]:
-    return [bounded_by_shown(pole_interval(fit, poles, k), poles[k], shown, fit.angle) for k in kept]
 
 
 def _kept(fit: LineData, poles: Real, shown: Real, every: bool) -> tuple[Real, NDArray[np.int_], str]:

@@ -186,11 +186,6 @@ def _evaluated(parts: list[_Part], omega: Real, budget: Budget) -> list[ClassCan
     return sorted(rows, key=rank)
 
 
-def _with_priors(problem: MixedProblem, budget: Budget) -> tuple[MixedProblem, ...]:
-    found = suggest_prior(problem, time_limit=budget.seconds)
-    return tuple(dataclasses.replace(problem, prior=prior) for prior in found.by_slope())
-
-
 def _at_given_poles(data: MixedProblem, modes: ArrayLike, delay: int, budget: Budget) -> tuple[list[_Part], Real]:
     modes = as_array("modes", modes, ndim=2)
     if modes.shape[1] != 2:
@@ -286,7 +281,9 @@ def _part(
     if budget.over and not first:
         return _Part(pairs, repeat, modes, cell, (), late=True)
     try:
-        problems = _with_priors(make(), budget)
+        problem = make()
+        found = suggest_prior(problem, time_limit=budget.seconds)
+        problems = tuple(dataclasses.replace(problem, prior=prior) for prior in found.by_slope())
     except SizeError:
         raise
     except InputError as error:  # functions that the samples can't tell apart

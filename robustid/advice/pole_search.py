@@ -325,17 +325,13 @@ def _linearised(data: ConvexData, D: Complex, radius: float, budget: Budget) -> 
     return prove_margin(ConvexData(wider, data.sarason), "structured", _DIGITS, budget)[0]
 
 
-def margin_slope(pairs: MovingPairs, formulation: Formulation, claim: Claim, poles: Real) -> Real:
-    """Derivatives of the margin to the logs of frequency and damping, (M, 2), by the envelope theorem."""
-    D = moved_samples(pairs, formulation, claim.p, poles)
-    return -np.real(claim.certificate.samples.conj() @ D).reshape(-1, 2)
-
-
 def _result(search: _Search, best: _Point, reason: str) -> KautzImprovement:
     given, problem = search.given, best.formulation.problem
     repeated, moved = best.pairs is not given.pairs, best.poles is not given.poles
     (omega_before, damping_before), (omega, damping) = np.exp(given.poles).T, np.exp(best.poles).T
     box = _box(problem, best.pairs, best.poles) if moved else None
+    # by the envelope theorem
+    D = moved_samples(best.pairs, best.formulation, best.claim.p, best.poles)
     return KautzImprovement(
         problem=problem,
         margin=best.margin,
@@ -345,7 +341,7 @@ def _result(search: _Search, best: _Point, reason: str) -> KautzImprovement:
         omega=omega,
         damping=damping,
         repeated=repeated,
-        slope=margin_slope(best.pairs, best.formulation, best.claim, best.poles),
+        slope=-np.real(best.claim.certificate.samples.conj() @ D).reshape(-1, 2),
         box=box,
         trials=tuple(search.trials),
         reason=reason,

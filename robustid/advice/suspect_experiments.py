@@ -28,21 +28,14 @@ _ALIKE = 2.0  # factor between gain bounds within which two experiments are susp
 
 
 class Posed(NamedTuple):
-    """Problems that tell whether some experiments contradict the others.
+    """Problems that tell whether some experiments contradict the others."""
 
-    Attributes
-    ----------
-    rest : MixedProblem
-        The others, at poles that are theirs.
-    whole, joined : MixedProblem
-        All data, at the same poles, and at these and those that the experiments show by themselves.
-    alone : MixedProblem or None
-        The experiments by themselves, at their own poles; None where they do not excite every input, or see every output.
-    """
-
-    rest: MixedProblem
+    rest: MixedProblem  # the others, at poles that are theirs
+    # whole, joined: All data, at the same poles, and at these and those that the experiments show by themselves
     whole: MixedProblem
     joined: MixedProblem
+    # the experiments by themselves, at their own poles; None where they do not excite every input, or see every
+    # output
     alone: MixedProblem | None
 
 

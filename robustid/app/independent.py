@@ -27,10 +27,7 @@ class Finding(NamedTuple):
 def checker() -> str:
     """Return the path of the checker: what ROBUSTID_PROOF names, or `robustid-proof` of the PATH.
 
-    Raises
-    ------
-    InputError
-        There is none.
+    InputError: there is none.
     """
     named = os.environ.get(_PLACE)
     found = shutil.which(named or _NAME)

@@ -277,7 +277,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         odd += [fault for one in records for fault in sample_faults(one)] if bounded else record_faults(records)
     for one in several:
         if isinstance(one, FrequencyResponse) and (
-            same := [r for r in records if _shape_of(r) == one.values.shape[1:]]
+            same := [r for r in records if (len(r.outputs), len(r.inputs)) == one.values.shape[1:]]
         ):
             odd += experiment_faults(one, same)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
@@ -314,10 +314,6 @@ def _silent(fields: Mapping[str, object]) -> bool:
     """Return whether an axis is proposed whose name doesn't say that it is one: that is a question, and no reading."""
     axes = [name for role in ("omega", "freq_hz", "time") if isinstance(name := fields.get(role), str)]
     return any(not names_axis(name) for name in axes)
-
-
-def _shape_of(record: TimeRecord) -> tuple[int, int]:
-    return len(record.outputs), len(record.inputs)
 
 
 def _own_bound(frf: FrequencyResponse) -> str:

@@ -22,17 +22,13 @@ class InputNormalPair(Frozen):
     * g(zeta_i) = phi(zeta_i) x' at every eigenvalue zeta_i of A,
     * the k-th Taylor coefficient of g is c A^k x', k below the number of zero eigenvalues.
 
-    Attributes
-    ----------
-    A, B, c, d : (n, n), (n, 1), (1, n), (1, 1) arrays
-
     Notes
     -----
     Source: theory of orthonormal rational bases; `inanc2001` Theorem 1 uses the non-orthonormal basis of the same
     space.
     """
 
-    A: np.ndarray
+    A: np.ndarray  # A, B, c, d: (n, n), (n, 1), (1, n), (1, 1)
     B: np.ndarray
     c: np.ndarray
     d: np.ndarray

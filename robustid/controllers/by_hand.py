@@ -66,7 +66,19 @@ class TwoRoots:
         """Two states."""
         zeros = shifted(pair(HZ * self.zero_hz, self.zero_damping), dt)
         poles = shifted(pair(HZ * self.pole_hz, self.pole_damping), dt)
-        return _quotient(zeros, poles, dt)
+        gain = float(np.real(np.prod(poles) / np.prod(zeros)))
+        one, slope = 1.0 if dt else 0.0, float((poles.sum() - zeros.sum()).real)
+        if poles[0].imag:
+            a, b = poles[0].real, abs(poles[0].imag)
+            A = np.array([[one + a, b], [-b, one + a]])
+            B, left = np.array([[0.0], [1.0]]), float((a - zeros).prod().real) - b**2
+            C = np.array([[left / b, slope]])
+        else:
+            first, second = poles.real
+            left = float((first - zeros).prod().real)
+            A = np.array([[one + first, 0.0], [left, one + second]])
+            B, C = np.array([[1.0], [slope]]), np.array([[0.0, 1.0]])
+        return StateMatrices(A, B, gain * C, np.array([[gain]]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -212,20 +224,3 @@ def shifted(roots: Complex | Real, dt: float) -> Complex:
     """Roots in s as distances from frequency 0 in the plane of the controller."""
     given = np.asarray(roots, dtype=complex)
     return np.expm1(given * dt) if dt else given
-
-
-def _quotient(zeros: Complex, poles: Complex, dt: float) -> StateMatrices:
-    """Two zeros over two poles, each a conjugate pair or real, of gain 1 at frequency 0."""
-    gain = float(np.real(np.prod(poles) / np.prod(zeros)))
-    one, slope = 1.0 if dt else 0.0, float((poles.sum() - zeros.sum()).real)
-    if poles[0].imag:
-        a, b = poles[0].real, abs(poles[0].imag)
-        A = np.array([[one + a, b], [-b, one + a]])
-        B, left = np.array([[0.0], [1.0]]), float((a - zeros).prod().real) - b**2
-        C = np.array([[left / b, slope]])
-    else:
-        first, second = poles.real
-        left = float((first - zeros).prod().real)
-        A = np.array([[one + first, 0.0], [left, one + second]])
-        B, C = np.array([[1.0], [slope]]), np.array([[0.0, 1.0]])
-    return StateMatrices(A, B, gain * C, np.array([[gain]]))

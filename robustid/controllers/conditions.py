@@ -254,7 +254,8 @@ def conditions_of(limits: Limits, discs: Discs) -> list[Conditions]:
     if limits.delay_margin is not None:
         phase = omega * limits.delay_margin
         near = phase <= _TURNED
-        clear.add("delay margin", near, 1.0, 0.0, corners=_arcs(phase[near]))
+        # arcs of delays up to a phase: L = -exp(j t) for t up to it
+        clear.add("delay margin", near, 1.0, 0.0, corners=_around(phase[near][:, None] * np.linspace(0.0, 1.0, _ARC)))
         clear.add("delay margin", ~near, 0.0, 1 - _ABOVE, inside=True)
     if limits.control_peak is not None:
         clear.add("control peak", None, 1.0, 0.0, more=1 / limits.control_peak)
@@ -309,11 +310,6 @@ def _around(t: Real) -> Complex:
     """Corners of a polygon that holds the arc of X = 1 - exp(j t), (..., points): outside of the arc, and its ends."""
     outer = np.exp(1j * (t[..., :-1] + t[..., 1:]) / 2) / np.cos((t[..., 1:] - t[..., :-1]) / 2)
     return np.asarray(1 - np.concatenate([outer, np.exp(1j * t[..., [-1, 0]])], axis=-1), dtype=complex)
-
-
-def _arcs(phase: Real) -> Complex:
-    """Polygons of the arcs of delays up to a phase, (N, corners): L = -exp(j t) for t up to it."""
-    return _around(phase[:, None] * np.linspace(0.0, 1.0, _ARC))
 
 
 def _disc_of(peak: float) -> tuple[float, float]:

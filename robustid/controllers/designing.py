@@ -67,32 +67,18 @@ def unheard(found: Found) -> None:
 
 @dataclasses.dataclass
 class Task:
-    """A design: its plants, and the frequencies of each that are asked about.
-
-    Attributes
-    ----------
-    relaxed : float
-        Factor by which all limits are relaxed, those of the goal too.
-    smaller : callable
-        Factors of the radii of all discs, by frequency.
-    budget : Budget
-        Time of the search: TimeIsOver is raised after it.
-    heard : callable
-        Receiver of every controller that keeps the limits.
-    spare : float
-        Of every limit: what is asked for at frequencies.
-    """
+    """A design: its plants, and the frequencies of each that are asked about."""
 
     plants: list[Plants]
     structure: tuple[Factor, ...] | Matrix
     limits: Limits
     goal: Goal
     grids: list[Real]
-    relaxed: float = 1.0
-    smaller: Callable[[Real], Real] = _everywhere
-    budget: Budget = dataclasses.field(default_factory=Budget)
-    heard: Callable[[Found], None] = unheard
-    spare: float = SPARE
+    relaxed: float = 1.0  # factor by which all limits are relaxed, those of the goal too
+    smaller: Callable[[Real], Real] = _everywhere  # factors of the radii of all discs, by frequency
+    budget: Budget = dataclasses.field(default_factory=Budget)  # time of the search: TimeIsOver is raised after it
+    heard: Callable[[Found], None] = unheard  # receiver of every controller that keeps the limits
+    spare: float = SPARE  # of every limit: what is asked for at frequencies
 
     @classmethod
     def of(cls, plants: list[Plants], structure: tuple[Factor, ...] | Matrix, limits: Limits, goal: Goal) -> Task:

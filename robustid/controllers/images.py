@@ -45,22 +45,21 @@ def discs_of_entry(omega: Real, chart: Chart, errors: ErrorSets) -> Discs:
     if not np.any(chart.inner):
         middle = chart.value[:, None, None] + chart.slope[:, None, None] * errors.centre
         found = Discs.of(omega, middle, errors.radius[:, 0, 0], np.ones((omega.size, 1)))
-        return _with_polygons(found, errors.corners - errors.centre[:, 0])
+        # polygons about the centres, where they are narrower than the discs
+        corners = errors.corners - errors.centre[:, 0]
+        count = int(corners.shape[1])
+        if not count:
+            return found
+        turns: Complex = np.exp(-2j * np.pi * np.arange(count) / count)
+        turned = corners[:, None] * turns[:, None]
+        narrow = np.ptp(turned.real, axis=2).min(axis=1) < _NARROW * 2 * found.radius
+        return found._replace(
+            corners=np.where(narrow[:, None], corners, 0.0), around=np.where(narrow, 0.0, found.radius)
+        )
     with np.errstate(divide="ignore", invalid="ignore"):
         infinite = 1 / chart.inner
     found = [_images(omega, chart, held.centre[:, 0, 0], held.radius[:, 0, 0]) for held in errors.discs(infinite)]
     return functools.reduce(_narrower, found)
-
-
-def _with_polygons(found: Discs, corners: Complex) -> Discs:
-    """With polygons about the centres, where they are narrower than the discs."""
-    count = int(corners.shape[1])
-    if not count:
-        return found
-    turns: Complex = np.exp(-2j * np.pi * np.arange(count) / count)
-    turned = corners[:, None] * turns[:, None]
-    narrow = np.ptp(turned.real, axis=2).min(axis=1) < _NARROW * 2 * found.radius
-    return found._replace(corners=np.where(narrow[:, None], corners, 0.0), around=np.where(narrow, 0.0, found.radius))
 
 
 def _images(omega: Real, chart: Chart, centre: Complex, radius: Real) -> Discs:

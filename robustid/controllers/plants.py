@@ -13,7 +13,6 @@ import numpy as np
 from robustid.controllers.discs import Discs
 from robustid.controllers.images import Chart, discs_of_entry, smallest_sets
 from robustid.controllers.limits import Limits, Template
-from robustid.controllers.loop_gain import largest_reciprocal
 from robustid.controllers.matrix_images import Quotients, discs_of_matrices
 from robustid.core import (
     Complex,
@@ -283,3 +282,16 @@ def _closed_share(values: LoopValues, bounds: Real, turned: bool) -> Real:
         least = np.maximum(least, np.linalg.eigvalsh(whole)[:, 0])
     left = least / (norms(T) + sizes[0] + sizes[1])
     return 1 - left + 2 * norms(far) + norms(reach * away)
+
+
+def largest_reciprocal(centre: Complex, radius: Real) -> Real:
+    r"""Largest :math:`1/|L|` where S = 1/(1 + L) is in a disc: infinite where L may be 0.
+
+    The inverse of the disc is a disc of 1 + L, or the outside of one where the disc holds 0.
+    """
+    room = np.abs(centre) ** 2 - radius**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = np.abs(centre.conj() / room - 1)
+        least = np.where(room > 0, far - radius / room, radius / -room - far)
+        least = np.where(room == 0, -np.inf, least)
+        return np.where(np.isfinite(radius) & (least > 0), 1 / least, np.inf)

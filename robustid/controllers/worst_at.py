@@ -26,34 +26,18 @@ _NEAR = np.array([0.92, 0.96, 0.98, 1.0, 1.02, 1.04, 1.08])  # frequencies about
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class WorstAt:
-    """Worst cases of a controller with the plants of one band, at frequencies.
+    """Worst cases of a controller with the plants of one band, at frequencies."""
 
-    Attributes
-    ----------
-    omega : (F,) array, rad/s
-    centre, radius : (F,) arrays
-        Discs of the open loops, in which -1 may lie.
-    corners : (F, V) array
-        Of polygons that hold them, where they are narrower; nan elsewhere.
-    least : (F,) array
-        Of the size of the open loops.
-    balls : sequence of dict of str to Balls
-        Values of S, T, P S and C S, by the names of `LoopBounds`, all of which hold; of an infinite radius where a loop may be
-        singular.
-    stable : bool
-        With the model of the band.
-    margins : LoopMargins
-        At these frequencies.
-    """
-
-    omega: Real
-    centre: Complex
+    omega: Real  # (F,), rad/s
+    centre: Complex  # centre, radius: (F,); discs of the open loops, in which -1 may lie
     radius: Real
-    corners: Complex
-    least: Real
+    corners: Complex  # (F, V); of polygons that hold them, where they are narrower; nan elsewhere
+    least: Real  # (F,); of the size of the open loops
+    # values of S, T, P S and C S, by the names of `LoopBounds`, all of which hold; of an infinite radius where a loop
+    # may be singular
     balls: Sequence[Mapping[str, Balls]]
-    stable: bool
-    margins: LoopMargins
+    stable: bool  # with the model of the band
+    margins: LoopMargins  # at these frequencies
 
     @functools.cached_property
     def largest(self) -> dict[str, Real]:

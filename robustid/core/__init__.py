@@ -26,7 +26,6 @@ from robustid.core.coprime import (
 from robustid.core.description import Arrays, Options, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
-from robustid.core.hertz import hz_scale, hz_span, hz_words
 from robustid.core.kept import kept_by_content
 from robustid.core.least_squares import (
     DampedSteps,
@@ -36,9 +35,11 @@ from robustid.core.least_squares import (
     decoupled_qr,
     lengths,
     projected,
+    real_rows,
     singular_parts,
 )
 from robustid.core.models import as_state_space, labels_of, model_of, numbered
+from robustid.core.number_words import hz_scale, hz_span, hz_words, rounded_down, rounded_up
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import (
     Budget,
@@ -52,7 +53,6 @@ from robustid.core.progress import (
     show_progress,
     was_interrupted,
 )
-from robustid.core.rounding import rounded_down, rounded_up
 from robustid.core.state_space import (
     Array,
     Complex,
@@ -189,6 +189,7 @@ __all__ = [
     "poles_of",
     "projected",
     "read_arrays",
+    "real_rows",
     "response",
     "response_at",
     "responses",

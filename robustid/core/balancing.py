@@ -19,13 +19,6 @@ class Balancing(NamedTuple):
     number of columns: `robustid.reduction` has those of the Lyapunov and Stein equations, `robustid.identification` those that
     doubling gives for contractions.
 
-    Attributes
-    ----------
-    left, right : (n, k), (n, m) arrays
-        L and R.
-    U, hankel, Vt : (k, r), (r,), (r, m) arrays
-        r the smaller of k and m; `hankel` descending.
-
     Notes
     -----
     Source: the square-root method of Tombs and Postlethwaite 1987.
@@ -37,9 +30,9 @@ class Balancing(NamedTuple):
     (array([6.]), [array([[-1.]]), array([[0.81649658]]), array([[1.22474487]])])
     """
 
-    left: Real
+    left: Real  # left, right: (n, k), (n, m); L and R
     right: Real
-    U: Real
+    U: Real  # U, hankel, Vt: (k, r), (r,), (r, m); r the smaller of k and m; `hankel` descending
     hankel: Real
     Vt: Real
 

@@ -38,7 +38,11 @@ def check_call(name: str, function: FunctionType, given: tuple[object, ...], nam
     if len(given) > own.placed and not own.any_placed:
         raise InputTypeError(_unnamed(name, function, own, given, named))
     if not own.any_named and not named.keys() <= own.known:
-        raise InputTypeError(_unknown(name, own, min(named.keys() - own.known)))
+        unknown = min(named.keys() - own.known)
+        names = [one for one in own.names if one not in ("self", "cls", "_")]
+        near = difflib.get_close_matches(unknown, names, 1, 0.6)
+        hint = f"do you mean `{near[0]}`? " if near else ""
+        raise InputTypeError(f"`{unknown}` is no argument of {name}; {hint}It has {', '.join(names)}")
 
 
 def _unnamed(
@@ -55,13 +59,6 @@ def _unnamed(
     said = ", ".join(f"{one}={_short(value)}" for one, value in zip(free, given[own.placed :], strict=False))
     others = f". Its other names: {', '.join(free[1:])}" if free[1:] else ""
     return f"`{free[0]}` is given by its name: {name}({'..., ' if taken else ''}{said}); {got}{others}"
-
-
-def _unknown(name: str, own: _Arguments, unknown: str) -> str:
-    names = [one for one in own.names if one not in ("self", "cls", "_")]
-    near = difflib.get_close_matches(unknown, names, 1, 0.6)
-    hint = f"do you mean `{near[0]}`? " if near else ""
-    return f"`{unknown}` is no argument of {name}; {hint}It has {', '.join(names)}"
 
 
 def _short(value: object) -> str:

@@ -54,11 +54,7 @@ def mirroring_feedback(system: StateMatrices, dt: float, decay: float) -> Real:
 
     With least energy in the input: :math:`A_u Y A_u^T - Y = B_u B_u^T`, or :math:`A_u Y + Y A_u^T = B_u B_u^T`, of the slower poles
     shifted by the decay, and :math:`F = -B_u^T (Y + B_u B_u^T)^{-1} A_u` or :math:`-B_u^T Y^{-1}` (`zhou1996`, section 13.2).
-
-    Raises
-    ------
-    InputError
-        If the input does not move one of them.
+    InputError: if the input does not move one of them.
     """
     A, B = (np.exp(decay * dt) * np.asarray(part) for part in system[:2]) if dt else (system.A, system.B)
     A = A if dt else A + decay * np.eye(len(A))
@@ -89,10 +85,7 @@ def mirroring_feedback(system: StateMatrices, dt: float, decay: float) -> Real:
 def stabilised_by(controller: StateMatrices, dt: float, decay: float) -> StateMatrices:
     """A plant that a controller stabilises: an observer of it and a feedback of its states, which decay at least so fast.
 
-    Raises
-    ------
-    InputError
-        If a pole of the controller that is not stable is hidden.
+    InputError: if a pole of the controller that is not stable is hidden.
     """
     E, F, G, H = controller
     feedback = mirroring_feedback(controller, dt, decay)
@@ -117,10 +110,7 @@ def balanced_scales(system: StateMatrices) -> StateMatrices:
 def normalising_feedback(system: StateMatrices, dt: float) -> tuple[Real, Real]:
     """State feedback and input scaling of normalised right factors, ``D* D + N* N = I`` (`zhou1996`, theorem 13.37).
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the Riccati equation has no stabilising solution to working precision.
+    numpy.linalg.LinAlgError: if the Riccati equation has no stabilising solution to working precision.
     """
     A, B, C, D = system
     weight = np.eye(B.shape[1]) + D.T @ D
@@ -266,11 +256,7 @@ def loop_factors(plant: StateMatrices, controller: StateMatrices, dt: float) -> 
     """The matrix M of a loop; its `inverse` has the left factors.
 
     The poles of M that the feedbacks place are as fast as those of the loop at least.
-
-    Raises
-    ------
-    InputError
-        If the controller does not stabilise the plant.
+    InputError: if the controller does not stabilise the plant.
     """
     loop = closed_loop(plant, controller)
     poles = poles_of(loop.A)

@@ -116,10 +116,7 @@ def fields_of(value: Any) -> Record:
 def described(value: Any, path: str, arrays: Arrays) -> Any:
     """Text of a value, as JSON can hold it; its arrays go to `arrays`, by path.
 
-    Raises
-    ------
-    InputTypeError
-        A value of a class that is not registered.
+    InputTypeError: a value of a class that is not registered.
     """
     if isinstance(value, np.generic):
         return described(typing.cast("object", value.item()), path, arrays)
@@ -154,10 +151,7 @@ def _described_items(items: Record, path: str, arrays: Arrays) -> Record:
 def made(text: Any, arrays: Arrays) -> Any:
     """Make the value again that was described so.
 
-    Raises
-    ------
-    ValueError, TypeError, KeyError
-        A text that describes nothing.
+    ValueError, TypeError, KeyError: a text that describes nothing.
     """
     if isinstance(text, list):
         return tuple(made(item, arrays) for item in typing.cast("list[Any]", text))

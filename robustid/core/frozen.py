@@ -21,7 +21,7 @@ _SCREEN = 24  # fields
 class Frozen:
     """Mixin of frozen dataclasses: copies and pickles go through ``__init__``, so that they stay checked and read-only.
 
-    They print in at most a screen (`short_repr`).
+    They print in at most a screen.
     """
 
     def __init_subclass__(cls, **options: object) -> None:
@@ -32,7 +32,12 @@ class Frozen:
             cls.__repr__ = cls.__repr__  # in the class itself, where the decorator looks for one
 
     def __repr__(self) -> str:
-        return short_repr(self)
+        # at most a screen: small values as they are, of large ones their kind and size
+        fields = [field.name for field in dataclasses.fields(self) if field.repr]  # type: ignore[arg-type]
+        parts = [f"{name}={_value(getattr(self, name))}" for name in fields[:_SCREEN]]
+        parts += [f"... {len(fields) - _SCREEN} more"] if len(fields) > _SCREEN else []
+        line = f"{type(self).__qualname__}({', '.join(parts)})"
+        return line if len(line) <= _LINE else f"{type(self).__qualname__}(\n  " + ",\n  ".join(parts) + "\n)"
 
     def _repr_html_(self) -> str | None:
         """Head of the page about it, which notebooks show."""
@@ -129,15 +134,6 @@ def freeze(array: np.ndarray) -> np.ndarray:
     array = np.array(array)
     array.flags.writeable = False
     return array
-
-
-def short_repr(thing: Frozen) -> str:
-    """Print a dataclass in at most a screen: small values as they are, of large ones their kind and size."""
-    fields = [field.name for field in dataclasses.fields(thing) if field.repr]  # type: ignore[arg-type]
-    parts = [f"{name}={_value(getattr(thing, name))}" for name in fields[:_SCREEN]]
-    parts += [f"... {len(fields) - _SCREEN} more"] if len(fields) > _SCREEN else []
-    line = f"{type(thing).__qualname__}({', '.join(parts)})"
-    return line if len(line) <= _LINE else f"{type(thing).__qualname__}(\n  " + ",\n  ".join(parts) + "\n)"
 
 
 def _value(value: Any) -> str:

@@ -112,21 +112,11 @@ def decoupled_fit(matrix: Real, values: Real) -> Real:
 
 
 class DampedSteps(NamedTuple):
-    """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J.
+    """Steps d of the least ``|J d - r|^2 + damping |d|^2``, for every damping from one singular value decomposition of J."""
 
-    Attributes
-    ----------
-    sizes : (k,) array
-        Singular values of J, falling.
-    along : (k,) array
-        Components of r along the left singular vectors.
-    directions : (k, n) array
-        Right singular vectors, as rows.
-    """
-
-    sizes: Real
-    along: Real
-    directions: Real
+    sizes: Real  # (k,); singular values of J, falling
+    along: Real  # (k,); components of r along the left singular vectors
+    directions: Real  # (k, n); right singular vectors, as rows
 
     @classmethod
     def of(cls, J: Real, r: Real, seen: float = 0.0) -> DampedSteps:
@@ -165,3 +155,8 @@ class DampedSteps(NamedTuple):
             middle = math.sqrt(low * high)
             low, high = (middle, high) if length(middle) > radius else (low, middle)
         return self.step(high)
+
+
+def real_rows(values: Numbers) -> Real:
+    """Real parts over imaginary parts: the real inner product of complex columns."""
+    return np.concatenate([np.real(values), np.imag(values)])

@@ -259,7 +259,8 @@ class ShowProgress:
             self._pace, self._wrote = Pace(done), 0.0
         self._last = text, done, count
         line = self._pace.line(text, done, count) if count else text
-        if not _rewritable():
+        # A line can be written over at a terminal, and in a notebook.
+        if not (sys.stdout.isatty() or type(sys.stdout).__module__.startswith("ipykernel")):
             if self._pace.another_tenth(done, count) if count else new:
                 _write(line + "\n")
             return
@@ -304,8 +305,3 @@ def show_progress(text: str, done: int = 0, count: int = 0) -> None:
 def _write(text: str) -> None:
     sys.stdout.write(text)
     sys.stdout.flush()
-
-
-def _rewritable() -> bool:
-    """Return whether a line can be written over: at a terminal, and in a notebook."""
-    return sys.stdout.isatty() or type(sys.stdout).__module__.startswith("ipykernel")

@@ -135,18 +135,8 @@ def _of(register: dict[type[Any], Any], cls: type[Any]) -> Any:
 def load_saved(path: PathLike, *kinds: str, progress: Progress | None = None) -> Any:
     """Read a result that `save` wrote; every claim of it is verified again.
 
-    Parameters
-    ----------
-    path : str or path
-        NAME, NAME.npz or NAME.json; or the folder of a run, for the result in it.
-    *kinds : str
-        Those that will do; default: all that are registered.
-    progress : callable (text, done, count), optional
-
-    Raises
-    ------
-    FileFormatError
-        The files are missing, truncated, edited or of another kind, or do not belong together.
+    `path` is NAME, NAME.npz or NAME.json, or the folder of a run, for the result in it; `kinds` are those that will do, all
+    by default. FileFormatError: the files are missing, truncated, edited or of another kind, or do not belong together.
     """
     formats = {kept.format: kept for kept in _RESULTS.values() if kept.kind in (kinds or [kept.kind])}
     words = next(iter(formats.values())).words if len(formats) == 1 else "result"

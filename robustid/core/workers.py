@@ -153,11 +153,7 @@ class Workers:
 
         One that failed comes last when it is tried again, and runs alone where a worker that dies takes the items of others with
         it: so none is blamed for what another one does to a pool.
-
-        Raises
-        ------
-        SolverError
-            An item failed every time, and there is no `lost`.
+        SolverError: an item failed every time, and there is no `lost`.
         """
         fresh, again = iter(items), deque[tuple[Item, int]]()
         running: dict[Future[Result], tuple[Item, int]] = {}

@@ -185,7 +185,7 @@ class Undoing(NamedTuple):
         return f"{what}: {self.paste} in {self.place}; then {self.then}"
 
 
-def as_faults(name: str, value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:
+def as_faults(value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:
     """Faults, also as their parts, which files hold."""
     try:
         given: list[tuple[str, list[Any]]] = [(kind, parts) for kind, *parts in value]
@@ -193,4 +193,4 @@ def as_faults(name: str, value: Iterable[Sequence[Any]]) -> tuple[Fault, ...]:
             return tuple(Fault(FaultKind(kind), *parts) for kind, parts in given)
     except (TypeError, ValueError):
         pass
-    raise InputTypeError(f"`{name}` must be a sequence of Fault; got {value!r}")
+    raise InputTypeError(f"`faults` must be a sequence of Fault; got {value!r}")

@@ -140,7 +140,7 @@ class FrequencyResponse(ResponseParts, Drawable):
             inputs=as_signals("inputs", self.inputs, nu, "u"),
             outputs=as_signals("outputs", self.outputs, ny, "y"),
             note=as_note(self.note),
-            faults=as_faults("faults", self.faults),
+            faults=as_faults(self.faults),
             judged=as_flag("judged", self.judged),
             modes=as_modes("modes", self.modes),
             dof=None if self.dof is None else as_positive("dof", self.dof),

@@ -43,14 +43,10 @@ def unexcited(frf: FrequencyResponse) -> tuple[int, int]:
     one = entries[int(np.argmax(size))]
     wrong = _errors(one) > _NOISE
     top = _beyond(one, wrong)
-    return (_below(one, wrong[:top], top), top)
-
-
-def _below(one: Entry, wrong: NDArray[np.bool_], top: int) -> int:
     flipped = Entry(
         one.omega[:top][::-1], one.values[:top][::-1], one.deviation[:top][::-1], one.bound[:top][::-1], one.lines
     )
-    return top - _beyond(flipped, wrong[::-1])
+    return (top - _beyond(flipped, wrong[:top][::-1]), top)
 
 
 def _errors(one: Entry) -> Real:

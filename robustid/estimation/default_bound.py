@@ -113,20 +113,15 @@ def _of_periods(record: TimeRecord) -> TimeRecord:
     later = min(count // 2, count - 2) * period
     y = record.y[later : count * period].reshape(-1, period, record.y.shape[1])
     deviation: Real = (y - y.mean(axis=0)) * np.sqrt(len(y) / (len(y) - 1))
-    return _noise_of(
-        record,
-        _FACTOR * np.abs(deviation).max(axis=(0, 1)),
-        f"{_FACTOR:g} times the largest deviation from the mean over the last {len(y)} periods of {period} samples",
-    )
-
-
-def _noise_of(record: TimeRecord, level: Real, words: str) -> TimeRecord:
-    """The record with one level an output."""
+    level = _FACTOR * np.abs(deviation).max(axis=(0, 1))
     if not np.all(level > 0):
         name = record.outputs[int(np.argmin(level))].name
         raise InputError(f"output {name} shows no noise at all")
     bound = Bound(np.broadcast_to(level, record.y.shape), kind="noise_floor").only(record.used)
-    return record.with_bound(bound, words)
+    return record.with_bound(
+        bound,
+        f"{_FACTOR:g} times the largest deviation from the mean over the last {len(y)} periods of {period} samples",
+    )
 
 
 def _of_rest(record: TimeRecord) -> TimeRecord:

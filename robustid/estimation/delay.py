@@ -171,19 +171,11 @@ def _result(fit: PoleFit, order: int, found: Refined, searched: np.ndarray, cost
 
 
 class DelayedModel(NamedTuple):
-    """A model with a delay put back; from `with_delay`.
-
-    Attributes
-    ----------
-    model : control.StateSpace
-    seconds : float
-    all_pass : int
-        Order of the all-pass filter that does the fraction of a sample; 0: whole samples, exact.
-    """
+    """A model with a delay put back; from `with_delay`."""
 
     model: control.StateSpace
     seconds: float
-    all_pass: int
+    all_pass: int  # order of the all-pass filter that does the fraction of a sample; 0: whole samples, exact
 
     def error(self, omega: ArrayLike) -> np.ndarray:
         """|all-pass - exp(-1j omega seconds)|: the error relative to the delayed response at frequencies in rad/s."""

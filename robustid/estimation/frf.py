@@ -180,15 +180,10 @@ def _checked(
     probability = as_probability(probability)
     records = checked_records(record)
     _refuse_dead(records)
-    method = method or _usual(records, period)
+    method = method or ("periodic" if period is not None or all(r.initial == "periodic" for r in records) else "local")
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
     return records, method, probability
-
-
-def _usual(records: Sequence[TimeRecord], period: int | None) -> str:
-    """The method where none is stated."""
-    return "periodic" if period is not None or all(r.initial == "periodic" for r in records) else "local"
 
 
 def _estimated(records: list[TimeRecord], method: str, period: int | None, lines: ArrayLike | None) -> Estimate:

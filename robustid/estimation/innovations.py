@@ -19,26 +19,13 @@ LAST, _CONTINUED = 4, 3e-3  # samples; what is new in a signal, in part of it
 
 
 class Predictor(NamedTuple):
-    """One-step predictor ``a(q) y = b(q) u + trend + w`` of one output.
+    """One-step predictor ``a(q) y = b(q) u + trend + w`` of one output."""
 
-    Attributes
-    ----------
-    a : (n + 1,) array
-        With a[0] = 1.
-    b : (nu, n + 1) array
-    trend : (4,) array
-        Coefficients of Legendre polynomials over the record: a constant, a drift.
-    t_values : (4,) array
-        The same in standard deviations.
-    noise : float
-        Standard deviation of w.
-    """
-
-    a: Real
-    b: Real
-    trend: Real
-    t_values: Real
-    noise: float
+    a: Real  # (n + 1,); with a[0] = 1
+    b: Real  # (nu, n + 1)
+    trend: Real  # (4,); coefficients of Legendre polynomials over the record: a constant, a drift
+    t_values: Real  # (4,); the same in standard deviations
+    noise: float  # standard deviation of w
 
     def innovations(self, y: Real, u: Real) -> Real:
         """Innovations (T - n,), of the samples that have a whole past."""

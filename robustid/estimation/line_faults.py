@@ -58,7 +58,9 @@ def line_faults(frf: FrequencyResponse) -> Cleaned:
         odd, step, beyond = _of_whole(rest, odd, wrong)
         wrong = _mask(rest, odd)
     if step is not None:
-        joined = _joined(rest, step)
+        values = rest.values.copy()
+        values[step.upper :] /= step.factors.reshape(values.shape[1:])
+        joined = dataclasses.replace(rest, values=values)
         odd = odd_values(joined)
         wrong = _mask(joined, odd)
         found.append(_jump_words(rest, step))
@@ -234,13 +236,6 @@ def _jump_words(frf: FrequencyResponse, step: Jump) -> Fault:
         " parts to the same gain, unit and delay, or use one of them (--band)"
     )
     return Fault(FaultKind.SEAM, words, evidence, where=_entries(frf, step.factors != 1), size=float(abs(factor - 1)))
-
-
-def _joined(frf: FrequencyResponse, step: Jump) -> FrequencyResponse:
-    """The response with its upper part over the factors."""
-    values = frf.values.copy()
-    values[step.upper :] /= step.factors.reshape(values.shape[1:])
-    return dataclasses.replace(frf, values=values)
 
 
 def _noise_words(frf: FrequencyResponse, low: int, high: int) -> list[Fault]:

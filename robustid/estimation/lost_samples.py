@@ -57,7 +57,7 @@ def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
     if abs(shift) < _LEAST or sure < _CERTAIN:
         return None
     before = (w - v) ** 2
-    after = (w - _moved(v, shift)) ** 2
+    after = (w - np.roll(v, -shift)) ** 2
     usable = slice(lags, samples - lags)
     # Left of the place the first fits, right of it the other.
     gain = np.cumsum((before - after)[usable])
@@ -75,11 +75,6 @@ def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
         f" {'early' if shift > 0 else 'late'}; use the part before it or after it as a record of its own, or measure again"
     )
     return Fault(FaultKind.LOST, words, where=where, size=float(shift))
-
-
-def _moved(v: Real, shift: int) -> Real:
-    """Signal `shift` samples earlier."""
-    return np.roll(v, -shift)
 
 
 def _best_shift(w: Real, v: Real, part: slice, lags: int) -> tuple[int, float]:

@@ -50,7 +50,7 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
     """Faults of every output that isn't `told` of; with `period`, those that its repetition shows are looked for elsewhere."""
     repeats = period if period is not None and len(record.u) >= _PERIODS * period else None
     # What drifts makes the mean over the periods jump where it begins anew: as a sawtooth does.
-    u = record.u if repeats is None else _sawtooth(len(record.u), repeats)
+    u = record.u if repeats is None else (np.arange(len(record.u)) % repeats / repeats - 0.5)[:, None]
     predictors = Predictors(u)
     found: list[Fault] = _before_input(record, told)
     clean = record.y.copy()
@@ -105,10 +105,6 @@ def _absorbed(y: Real, u: Real, predictors: Predictors) -> list[float]:
     lines = [cycles for cycles, _, _ in tones_beside(y, u)]
     own = [float(np.angle(pole)) / (2 * np.pi) for pole in poles]
     return lines + [one for one in own if all(abs(one - other) * y.size > 1 for other in lines)]
-
-
-def _sawtooth(samples: int, period: int) -> Real:
-    return (np.arange(samples) % period / period - 0.5)[:, None]
 
 
 def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictors: Predictors) -> list[Fault]:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robustid.core import Projection, lengths, projected
+from robustid.core import Projection, lengths, projected, real_rows
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 
@@ -139,7 +139,7 @@ class PoleFit:
             for weight, one in zip(self.weight.T, entries_at(z), strict=True):
                 c = one.coefficients
                 ways = self._ways(unpack(z)[1], c) if plain else np.stack([each @ c for each in changes], axis=1)
-                rows.append(one.tangent(_real(weight[:, None] * ways)))
+                rows.append(one.tangent(real_rows(weight[:, None] * ways)))
             return np.concatenate(rows)
 
         least_squares: Any = scipy.optimize.least_squares
@@ -199,7 +199,7 @@ class PoleFit:
     def _entries(self, values: np.ndarray, functions: np.ndarray) -> Iterator[Projection]:
         """The weighted values of every entry, projected on the weighted functions."""
         for weight, value in zip(self.weight.T, values.T, strict=True):
-            yield projected(_real(weight[:, None] * functions), _real(weight * value))
+            yield projected(real_rows(weight[:, None] * functions), real_rows(weight * value))
 
     def _relocated(self, values: np.ndarray, poles: np.ndarray) -> np.ndarray:
         """The zeros of sigma in values*sigma = N, sigma = 1 + sum c_i/(x - a_i) and N of the same poles (`gustavsen2006`)."""
@@ -208,7 +208,7 @@ class PoleFit:
         rights: list[np.ndarray] = []
         entries = self._entries(values, self._functions(0.0, poles))
         for weight, value, one in zip(self.weight.T, values.T, entries, strict=True):
-            rows.append(one.tangent(_real((weight * value)[:, None] * functions)))
+            rows.append(one.tangent(real_rows((weight * value)[:, None] * functions)))
             rights.append(one.residual)
         stacked = np.vstack(rows)
         scale = lengths(stacked)
@@ -314,7 +314,3 @@ def companion(poles: np.ndarray, c: np.ndarray) -> np.ndarray:
             push[i] = 2.0
             i += 2
     return matrix - np.outer(push, c)
-
-
-def _real(values: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.real(values), np.imag(values)])

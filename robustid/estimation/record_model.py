@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, real_rows
 from robustid.estimation.pole_fit import companion, fractions
 
 _ORDERS = (4, 8, 14, 20)
@@ -77,12 +77,12 @@ def fitted(
     return best
 
 
-def left_by(pieces: Sequence[Piece], poles: Complex) -> tuple[float, list[Complex]]:
-    """Squares that the best model with these poles leaves, and the predictions of the pieces without their transients."""
+def predictions_with(pieces: Sequence[Piece], poles: Complex) -> list[Complex]:
+    """Predictions of the pieces by the best model with these poles, without their transients."""
     reduced = _reduced(pieces, poles)
     rows, rights = np.concatenate([one.rows for one in reduced]), np.concatenate([one.right for one in reduced])
-    c = _solved(rows, rights)
-    return float(np.sum((rights - rows @ c) ** 2)), [one.block @ c for one in reduced]
+    c = scaled_solution(rows, rights)
+    return [one.block @ c for one in reduced]
 
 
 class _Reduced(NamedTuple):
@@ -108,17 +108,17 @@ def _reduced(pieces: Sequence[Piece], poles: Complex) -> list[_Reduced]:
             f, q = found[-1].functions, found[-1].transients
         else:
             f = _functions(one.z, poles)
-            q = np.linalg.qr(_real(f))[0]
+            q = np.linalg.qr(real_rows(f))[0]
         block = np.hstack([f * one.inputs[:, [j]] for j in range(one.inputs.shape[1])])
-        a, b = _real(block), _real(one.output)
+        a, b = real_rows(block), real_rows(one.output)
         found.append(_Reduced(f, block, q, a - q @ (q.T @ a), b - q @ (q.T @ b)))
     return found
 
 
 def without_transient(z: Complex, poles: Complex, values: Complex) -> Real:
     """Values, real then imaginary, less their best fit by a transient."""
-    q = np.linalg.qr(_real(_functions(z, poles)))[0]
-    real = _real(values)
+    q = np.linalg.qr(real_rows(_functions(z, poles)))[0]
+    real = real_rows(values)
     return real - q @ (q.T @ real)
 
 
@@ -132,7 +132,9 @@ def _of_order(pieces: Sequence[Piece], order: int, starts: Sequence[Complex]) ->
     best: tuple[float, Complex] = (np.inf, poles)
     for _ in range(_RELOCATIONS):
         reduced = _reduced(pieces, poles)
-        own = np.linalg.qr(_scaled(np.concatenate([one.rows for one in reduced])))[0]
+        rows = np.concatenate([one.rows for one in reduced])
+        size = np.linalg.norm(rows, axis=0)
+        own = np.linalg.qr(rows / np.where(size > 0, size, 1))[0]
         left = np.concatenate([one.right for one in reduced])
         left -= own @ (own.T @ left)
         cost = float(left @ left)
@@ -159,11 +161,11 @@ def _relocated(pieces: Sequence[Piece], reduced: Sequence[_Reduced], own: Real, 
     """
     moving = np.concatenate(
         [
-            part.beside(_real(part.functions[:, :-1] * one.output[:, None]))
+            part.beside(real_rows(part.functions[:, :-1] * one.output[:, None]))
             for one, part in zip(pieces, reduced, strict=True)
         ]
     )
-    c = -_solved(moving - own @ (own.T @ moving), left)
+    c = -scaled_solution(moving - own @ (own.T @ moving), left)
     zeros = np.linalg.eigvals(companion(poles, c))
     out = np.abs(zeros) > 1
     zeros[out] = 1 / np.conj(zeros[out])
@@ -175,16 +177,8 @@ def _functions(z: Complex, poles: Complex) -> Complex:
     return np.hstack([fractions(z, poles), np.ones((z.size, 1))]).astype(complex)
 
 
-def _scaled(rows: Real) -> Real:
-    size = np.linalg.norm(rows, axis=0)
-    return rows / np.where(size > 0, size, 1)
-
-
-def _solved(rows: Real, right: Real) -> Real:
+def scaled_solution(rows: Real, right: Real) -> Real:
+    """Least squares, the columns scaled."""
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1
     return np.asarray(np.linalg.lstsq(rows / size, right, rcond=None)[0], float) / size
-
-
-def _real(values: np.ndarray) -> Real:
-    return np.concatenate([np.real(values), np.imag(values)])

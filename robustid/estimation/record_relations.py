@@ -10,7 +10,7 @@ import numpy as np
 from robustid.core import Complex
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.innovations import own_continuation
-from robustid.estimation.record_model import Fitted, Piece, left_by, without_transient
+from robustid.estimation.record_model import Fitted, Piece, predictions_with, without_transient
 from robustid.estimation.record_parts import (
     FEW,
     GOOD,
@@ -196,7 +196,7 @@ def _by_others(compared: Compared, k: int) -> tuple[float, float, float]:
 def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
     """Output of a piece by the model of others."""
     weightless = Piece(one.z, _NOTHING * one.inputs, np.zeros_like(one.output))
-    return left_by([*others, weightless], poles)[1][-1] / _NOTHING
+    return predictions_with([*others, weightless], poles)[-1] / _NOTHING
 
 
 # --- output and input ------------------------------------------------------------------------------------------------------------

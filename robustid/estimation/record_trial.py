@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from robustid.core import Real
 from robustid.data import FaultKind, TimeRecord
 from robustid.estimation.inside_band import band_sequences
+from robustid.estimation.record_model import scaled_solution
 from robustid.estimation.response_model import Predicted, ResponseModel, Simulated
 
 _BLOCK, _BLOCK_AT_MOST, _BLOCKS = 400, 2000, 4  # samples of a part that is looked at, and parts
@@ -184,8 +185,8 @@ class RecordTrial:
         rows = [one.sequences.T @ slopes[one.rows] / sigma for one in blocks]
         rights = [one.sequences.T @ (y - predicted.outputs)[one.rows] / sigma for one in blocks]
         known = np.hstack([r, np.zeros((len(r), extra.shape[1]))])
-        found = _solved(np.vstack([known, *rows]), np.concatenate([q, *rights]))
-        least = _solved(r, q)
+        found = scaled_solution(np.vstack([known, *rows]), np.concatenate([q, *rights]))
+        least = scaled_solution(r, q)
         cost = float(np.sum((np.concatenate([q, *rights]) - np.vstack([known, *rows]) @ found) ** 2)) - float(
             np.sum((q - r @ least) ** 2)
         )
@@ -207,7 +208,7 @@ class RecordTrial:
         self.spare = float(rights.size - columns.shape[1])
         if self.spare < _SPARE:
             return np.nan
-        noise = float(np.linalg.norm(rights - rows @ _solved(rows, rights))) / np.sqrt(self.spare)
+        noise = float(np.linalg.norm(rights - rows @ scaled_solution(rows, rights))) / np.sqrt(self.spare)
         return max(noise, _LEAST * float(np.linalg.norm(rights)) / np.sqrt(rights.size))
 
     # --- corrections ---
@@ -219,12 +220,12 @@ class RecordTrial:
         rows = np.vstack([one.sequences.T @ columns[one.rows] for one in blocks]) / self.sigma
         rights = np.concatenate([one.sequences.T @ self.y[one.rows] for one in blocks]) / self.sigma
         r, _ = self.model.known[self.output]
-        gain = float(_solved(np.delete(rows, slice(1, 1 + slopes.shape[1]), axis=1), rights)[0])
+        gain = float(scaled_solution(np.delete(rows, slice(1, 1 + slopes.shape[1]), axis=1), rights)[0])
         for _ in range(3):  # what is open of the response goes with the gain
             if gain == 0:
                 return []
             known = np.hstack([np.zeros((len(r), 1)), r / abs(gain), np.zeros((len(r), self._open.shape[1]))])
-            gain = float(_solved(np.vstack([rows, known]), np.concatenate([rights, np.zeros(len(r))]))[0])
+            gain = float(scaled_solution(np.vstack([rows, known]), np.concatenate([rights, np.zeros(len(r))]))[0])
         if not np.isfinite(gain) or gain == 0:
             return []
         factor = 1 / gain
@@ -358,13 +359,6 @@ class RecordTrial:
             )
             found.append(Remedy(FaultKind.SPIKE, words, "", by, 2 * len(at), left))
         return found
-
-
-def _solved(rows: Real, right: Real) -> Real:
-    """Least squares, the columns scaled."""
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0] = 1
-    return np.asarray(np.linalg.lstsq(rows / scale, right, rcond=None)[0], float) / scale
 
 
 def _rounded(number: float, way: Callable[[float], float]) -> float:

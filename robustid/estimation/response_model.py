@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, real_rows
 from robustid.data import FrequencyResponse
 from robustid.estimation.pole_fit import PoleFit, fractions, slopes_of
 
@@ -35,26 +35,14 @@ class Predicted(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ResponseModel:
-    """Poles, residues and what the response says of them.
-
-    Attributes
-    ----------
-    fit : PoleFit
-    poles : array
-        Of the fit, and last one below the lowest frequency, whose residues are zero and open.
-    coefficients : (n, nu, ny) array
-        Real: of the functions of the poles, and of the constant.
-    known : list of (R, q)
-        For each output: R times the changes of the unknowns is q, plus numbers of variance 1 at most.
-    misfit : float
-        Of the response, rms, in units of its bound.
-    """
+    """Poles, residues and what the response says of them."""
 
     fit: PoleFit
-    poles: Complex
-    coefficients: Real
+    poles: Complex  # of the fit, and last one below the lowest frequency, whose residues are zero and open
+    coefficients: Real  # (n, nu, ny); real: of the functions of the poles, and of the constant
+    # list of (R, q); for each output: R times the changes of the unknowns is q, plus numbers of variance 1 at most
     known: list[tuple[Real, Real]]
-    misfit: float
+    misfit: float  # of the response, rms, in units of its bound
 
     def simulated(self, u: Real, dt: float, *, periodic: bool, slopes: bool = True) -> Simulated:
         """Answers of the functions to inputs (T, nu) held over `dt`."""
@@ -167,8 +155,8 @@ def _known(fit: PoleFit, places: Complex, ny: int, misfit: float) -> ResponseMod
         left: list[Real] = []
         for j in range(nu):
             weight: Real = fit.weight[:, j * ny + i] / max(misfit, 1)
-            weighted = _real(weight[:, None] * functions)
-            value = _real(weight * fit.values[:, j * ny + i])
+            weighted = real_rows(weight[:, None] * functions)
+            value = real_rows(weight * fit.values[:, j * ny + i])
             coefficients[used, j, i] = np.linalg.lstsq(weighted[:, used], value, rcond=None)[0]
             c = coefficients[:, j, i]
             ways = slopes_of(fit.x, places, c[:order])
@@ -179,12 +167,8 @@ def _known(fit: PoleFit, places: Complex, ny: int, misfit: float) -> ResponseMod
             )
             own = np.zeros((len(value), order + 2, nu))
             own[:, :, j] = weighted
-            rows.append(np.hstack([own.reshape(len(value), -1), _real(weight[:, None] * ways[:, turn])]))
+            rows.append(np.hstack([own.reshape(len(value), -1), real_rows(weight[:, None] * ways[:, turn])]))
             left.append(value - weighted @ c)
         q, r = np.linalg.qr(np.concatenate(rows))
         known.append((r, q.T @ np.concatenate(left)))
     return ResponseModel(fit, poles, coefficients, known, misfit)
-
-
-def _real(values: np.ndarray) -> Real:
-    return np.concatenate([np.real(values), np.imag(values)])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, real_rows
 from robustid.data import FrequencyResponse
 from robustid.estimation.axis_parts import Jump, least_step, of_resonance
 from robustid.estimation.local_models import mean_nearby, unlikely
@@ -110,8 +110,8 @@ def _whole(
     best, fit = _of_least_criterion(one, refined, orders, beyond)
     if best is None:
         return None
-    right = _real(one.values.reshape(-1) / bound)
-    moved = np.hstack([best.rows, _real(_second(fit.x, best.poles) / bound[:, None])])  # the poles may move
+    right = real_rows(one.values.reshape(-1) / bound)
+    moved = np.hstack([best.rows, real_rows(_second(fit.x, best.poles) / bound[:, None])])  # the poles may move
     basis = np.linalg.qr(moved / np.linalg.norm(moved, axis=0))[0]
     left = right - basis @ (basis.T @ right)
     spare = right.size - basis.shape[1]
@@ -128,7 +128,7 @@ def _of_least_criterion(
     bound = one.bound.outer_radius.reshape(-1)
     fit, count = PoleFit(one, feedthrough=True), 2 * bound.size
     fit.weight = (1 / bound)[:, None]
-    right = _real(one.values.reshape(-1) / bound)
+    right = real_rows(one.values.reshape(-1) / bound)
     best: _Fitted | None = None
     for order in orders:
         if order * _A_POLE > bound.size:
@@ -157,7 +157,7 @@ def _starts(fit: PoleFit, order: int, beyond: bool) -> Iterator[Complex]:
 
 def _rows(fit: PoleFit, poles: Complex, bound: Real) -> Real:
     """Functions of the poles, and a constant, in units of the bound."""
-    return _real(np.hstack([fractions(fit.x, poles), np.ones((bound.size, 1))]) / bound[:, None])
+    return real_rows(np.hstack([fractions(fit.x, poles), np.ones((bound.size, 1))]) / bound[:, None])
 
 
 def _followed(fit: PoleFit, one: FrequencyResponse, bound: Real, right: Real, poles: Complex) -> tuple[Complex, Real]:
@@ -211,10 +211,6 @@ def _second(x: Complex, poles: Complex) -> Complex:
         own, other = 1 / (x - pole) ** 2, 1 / (x - np.conj(pole)) ** 2
         columns += [own + other, 1j * (own - other)] if pole.imag else [own]
     return np.stack(columns, axis=1) if columns else np.zeros((x.size, 0), complex)
-
-
-def _real(values: np.ndarray) -> Real:
-    return np.concatenate([np.real(values), np.imag(values)])
 
 
 def _complex(rows: Real) -> Complex:

@@ -154,7 +154,21 @@ def suggest_order(
     on_wave = as_function("grown", grown)
 
     def assembled(found: Found) -> OrderSweep:
-        return _assembled(frf, noise_known, singular_values, edge, found)
+        fits, failures, withheld, interrupted = found
+        ordered = [fits[order] for order in sorted(fits)]
+        return OrderSweep(
+            dict(fits),
+            failures,
+            np.array([_parameters(fit) for fit in ordered]),
+            fits[min(fits)].problem.equations,
+            noise_known,
+            singular_values,
+            edge,
+            np.array([withheld.get(order, math.nan) for order in sorted(fits)]),
+            np.array([outside_bound(fit, frf) for fit in ordered]),
+            np.array([unresolved_poles(fit) for fit in ordered]),
+            interrupted=interrupted,
+        )
 
     def growing(found: Found) -> None:
         if on_wave is not None:
@@ -163,27 +177,6 @@ def suggest_order(
     sweep = assembled(fits_of_orders(frf, tried, settings, executor, budget, orders is None, growing))
     ended = sweep.interrupted or budget.over
     return sweep if ended else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
-
-
-def _assembled(
-    frf: FrequencyResponse, noise_known: bool, singular_values: np.ndarray, edge: float, found: Found
-) -> OrderSweep:
-    """The sweep of these fits."""
-    fits, failures, withheld, interrupted = found
-    ordered = [fits[order] for order in sorted(fits)]
-    return OrderSweep(
-        dict(fits),
-        failures,
-        np.array([_parameters(fit) for fit in ordered]),
-        fits[min(fits)].problem.equations,
-        noise_known,
-        singular_values,
-        edge,
-        np.array([withheld.get(order, math.nan) for order in sorted(fits)]),
-        np.array([outside_bound(fit, frf) for fit in ordered]),
-        np.array([unresolved_poles(fit) for fit in ordered]),
-        interrupted=interrupted,
-    )
 
 
 def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Options) -> str:

@@ -187,7 +187,10 @@ class OrderSweep(Frozen, Drawable):
         rows: list[StabilisationMark] = []
         last = np.zeros(0, dtype=complex)
         for order, fit in self.fits.items():
-            here = _upper_poles(fit)
+            poles, dt = fit.fraction.poles.astype(complex), fit.fraction.dt
+            poles = exponents_of(poles[poles != 0], dt)
+            poles = poles[np.imag(poles) > 0]
+            here = poles[np.argsort(np.abs(poles))]
             rows += [StabilisationMark(order, abs(s), -s.real / abs(s), stability_kind(s, last)) for s in here.tolist()]
             last = here
         return tuple(rows)
@@ -232,14 +235,6 @@ class OrderSweep(Frozen, Drawable):
         if self.hint:
             lines.append(self.hint)
         return "\n".join(lines)
-
-
-def _upper_poles(fit: MatrixFraction) -> np.ndarray:
-    """Poles in s with a positive imaginary part, by rising frequency."""
-    poles, dt = fit.fraction.poles.astype(complex), fit.fraction.dt
-    poles = exponents_of(poles[poles != 0], dt)
-    poles = poles[np.imag(poles) > 0]
-    return poles[np.argsort(np.abs(poles))]
 
 
 def stability_kind(pole: complex, last: np.ndarray) -> str:

@@ -150,7 +150,11 @@ def _values(lookup: Lookup) -> np.ndarray:
             *lookup.help(),
         )
     for role in way:
-        _check_unit(lookup, role)
+        # A magnitude or phase named by the user must not say another unit than its role.
+        for name in map(lookup.name, flat(lookup.fields.get(role))):
+            said = axis_role(name) or ""
+            if units.axis_label(name)[1] and said != role and said.split("_")[0] in ("magnitude", "phase"):
+                raise InputError(f"`fields[{role!r}]` = {name!r} says another unit; give the role {said!r}")
     parts = [lookup.matrix(role, lookup.find(role)) for role in way]
     if len(parts) == 1:
         return parts[0]
@@ -164,14 +168,6 @@ def _values(lookup: Lookup) -> np.ndarray:
         raise InputError("'magnitude' has negative values: is it in dB? Then name it by `fields={'magnitude_db': ...}`")
     magnitude = 10 ** (parts[0] / 20) if way[0] == "magnitude_db" else parts[0]
     return magnitude * np.exp(1j * (np.deg2rad(parts[1]) if way[1] == "phase_deg" else parts[1]))
-
-
-def _check_unit(lookup: Lookup, role: str) -> None:
-    """A magnitude or phase named by the user must not say another unit than its role."""
-    for name in map(lookup.name, flat(lookup.fields.get(role))):
-        said = axis_role(name) or ""
-        if units.axis_label(name)[1] and said != role and said.split("_")[0] in ("magnitude", "phase"):
-            raise InputError(f"`fields[{role!r}]` = {name!r} says another unit; give the role {said!r}")
 
 
 def as_time(lookup: Lookup, options: Options) -> TimeRecord | list[TimeRecord]:

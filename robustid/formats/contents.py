@@ -12,23 +12,12 @@ from robustid.formats.units import in_brackets
 
 
 class Item(NamedTuple):
-    """One thing in a file.
+    """One thing in a file."""
 
-    Attributes
-    ----------
-    address : str
-        As it stands in `fields`; ``"[:]"`` is the one array of a file that gives it no name.
-    kind : {"real", "complex", "empty", "text", "object", "unreadable"}
-    values : array or None
-        The numbers, for the first two kinds.
-    text : str
-        The text; the class of an object; the reason why something is unreadable.
-    """
-
-    address: str
-    kind: str
-    values: np.ndarray | None = None
-    text: str = ""
+    address: str  # as it stands in `fields`; ``"[:]"`` is the one array of a file that gives it no name
+    kind: str  # {"real", "", "empty", "text", "object", "unreadable"}
+    values: np.ndarray | None = None  # the numbers, for the first two kinds
+    text: str = ""  # the text; the class of an object; the reason why something is unreadable
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -52,25 +52,13 @@ BY_ENDING = {
 
 
 class Heading(NamedTuple):
-    """Meaning of a column by its name; "" for what the name leaves open.
+    """Meaning of a column by its name; "" for what the name leaves open."""
 
-    Attributes
-    ----------
-    quantity : {"Z", "Y", "S", "H", "G", "SPL", ""}
-    entry : str
-        Of a matrix: the letters or numbers of output and input, "dq", "21".
-    part : {"real", "imag", "magnitude", "phase", ""}
-    unit : str
-        As it is written.
-    sign : {1, -1}
-        -1 where the name says that the column holds the negative.
-    """
-
-    quantity: str
-    entry: str
-    part: str
-    unit: str
-    sign: int
+    quantity: str  # {"Z", "Y", "S", "H", "G", "SPL", ""}
+    entry: str  # of a matrix: the letters or numbers of output and input, "dq", "21"
+    part: str  # {"real", "imag", "magnitude", "phase", ""}
+    unit: str  # as it is written
+    sign: int  # {1, -1}; -1 where the name says that the column holds the negative
 
     @property
     def decibels(self) -> bool:

@@ -33,17 +33,8 @@ _DEFAULTS: dict[str, Record] = {
 class Subsystem:
     """Properties of the objects of a file, by their numbers.
 
-    Parameters
-    ----------
-    cells : sequence
-        Of the variable: the table, an empty one, values of properties, and at the end the defaults of every class.
-    order : {"<", ">"}
-        Order of bytes.
-
-    Raises
-    ------
-    ValueError, IndexError
-        A table that doesn't fit together.
+    `cells` are those of the variable: the table, an empty one, values of properties, and at the end the defaults of every
+    class. ValueError, IndexError: a table that doesn't fit together.
     """
 
     def __init__(self, cells: Sequence[object], order: str) -> None:

@@ -49,24 +49,8 @@ def read_said(
 ) -> tuple[Any, str]:
     r"""Read a file as `read_file` does, and say as what.
 
-    Parameters
-    ----------
-    path, kind, fields, frequency_unit, axes, decimal, start, step
-        As there.
-    **stated
-        Its other arguments, `dt`, `rate`, `bound`, `inputs`, `outputs` and `initial`, which go before what the file says; None for
-        none.
-
-    Returns
-    -------
-    thing : FrequencyResponse, TimeRecord, list of them, TangentialResponse that `save` wrote, Excitation or StoredModel
-    how : str
-        Format of the file, and of a text its layout.
-
-    Raises
-    ------
-    InputError, FileFormatError
-        As there.
+    `stated` are its other arguments, which go before what the file says, None for none. Second come the format of the file,
+    and of a text its layout, in words.
     """
     _check_words(kind, fields, frequency_unit, decimal)
     if (start is None) != (step is None):

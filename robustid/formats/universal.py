@@ -199,26 +199,21 @@ def write_universal(path: Path, frf: FrequencyResponse) -> None:
     frf.require_complete("a universal file")
     with atomic_write(path, "wb") as file:
         for output, input in np.ndindex(frf.values.shape[1:]):
-            file.write(_function(frf, output, input))
-
-
-def _function(frf: FrequencyResponse, output: int, input: int) -> bytes:
-    """One data set 58b: a line that says what follows, 11 lines of text, then x, Re, Im of every frequency point."""
-    value: Complex = frf.values[:, output, input]
-    numbers = np.stack([frf.freq_hz, value.real, value.imag], axis=1).astype("<f8").tobytes()
-    title = f"{frf.outputs[output]} / {frf.inputs[input]}"
-    lines = [
-        f"{'58b':>7}{1:6d}{2:6d}{11:12d}{len(numbers):12d}{0:6d}{0:6d}{0:12d}{0:12d}",
-        *(f"{text[:80]:<80}" for text in (title, "written by robustid", "NONE", "NONE", "NONE")),
-        f"{_FRF:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{output + 1:10d}{1:4d} {'NONE':<10}{input + 1:10d}{1:4d}",
-        f"{_COMPLEX:10d}{value.size:10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}",
-        _axis(_AXIS_OF_FREQUENCY, "Frequency", "Hz"),
-        _axis(_AXIS_UNKNOWN, frf.outputs[output].name, frf.outputs[output].unit),
-        _axis(_AXIS_UNKNOWN, frf.inputs[input].name, frf.inputs[input].unit),
-        _axis(_AXIS_UNKNOWN, "NONE", "NONE"),
-    ]
-    text = "\n".join(["    -1", *lines, ""])
-    return text.encode("ascii", "replace") + numbers + b"\n    -1\n"
+            value: Complex = frf.values[:, output, input]
+            numbers = np.stack([frf.freq_hz, value.real, value.imag], axis=1).astype("<f8").tobytes()
+            title = f"{frf.outputs[output]} / {frf.inputs[input]}"
+            lines = [
+                f"{'58b':>7}{1:6d}{2:6d}{11:12d}{len(numbers):12d}{0:6d}{0:6d}{0:12d}{0:12d}",
+                *(f"{text[:80]:<80}" for text in (title, "written by robustid", "NONE", "NONE", "NONE")),
+                f"{_FRF:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{output + 1:10d}{1:4d} {'NONE':<10}{input + 1:10d}{1:4d}",
+                f"{_COMPLEX:10d}{value.size:10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}",
+                _axis(_AXIS_OF_FREQUENCY, "Frequency", "Hz"),
+                _axis(_AXIS_UNKNOWN, frf.outputs[output].name, frf.outputs[output].unit),
+                _axis(_AXIS_UNKNOWN, frf.inputs[input].name, frf.inputs[input].unit),
+                _axis(_AXIS_UNKNOWN, "NONE", "NONE"),
+            ]
+            text = "\n".join(["    -1", *lines, ""])
+            file.write(text.encode("ascii", "replace") + numbers + b"\n    -1\n")
 
 
 def _axis(kind: int, label: str, unit: str) -> str:

@@ -82,10 +82,7 @@ def modes_by_frequency(problem: MixedProblem) -> NDArray[np.intp]:
 def largest_amplitudes(problem: MixedProblem, omega: Real, damping: Real, extractions: Extractions) -> Real:
     """Proved bounds of the amplitudes c of all modes in every entry, (M, ny, nu), modes in the order of the parametric part.
 
-    Raises
-    ------
-    InputError
-        The samples bound no amplitude of some mode by itself.
+    InputError: the samples bound no amplitude of some mode by itself.
     """
     rank, found = modes_by_frequency(problem), np.zeros((len(omega), *problem.entries.shape))
     for one in extractions:

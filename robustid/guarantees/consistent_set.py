@@ -262,10 +262,7 @@ class ConsistentSet(Frozen):
 def consistent_set(identification: Identification) -> ConsistentSet:
     """The set of an identification; raises for data that are not consistent.
 
-    Raises
-    ------
-    InconsistentDataError
-        There is nothing to bound: no system fits, or none was found.
+    InconsistentDataError: there is nothing to bound: no system fits, or none was found.
     """
     if not identification.consistent:
         raise InconsistentDataError(

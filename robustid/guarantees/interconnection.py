@@ -103,10 +103,7 @@ def interconnection(source: Thing, load: Thing, *, time_limit: float | None = No
 def interconnection_again(source: Thing, load: Thing, pair: Systems | None) -> Interconnection:
     """The verdict on two sides, evaluated anew, with an unstable pair that was found before in place of a search.
 
-    Raises
-    ------
-    ValueError
-        A pair that does not agree with the data, or whose loop is stable.
+    ValueError: a pair that does not agree with the data, or whose loop is stable.
     """
     sides = as_side("source", source), as_side("load", load)
 

@@ -164,7 +164,10 @@ def step_tube(
     tube = steps.tube(bounds, (of, *entry), count)
     if identification is None:
         return tube
-    samples, inner, outer = steps.narrowed(_as_one_entry(identification), count)
+    found = as_kind("identification", identification, Identification, "an Identification")
+    if not found.problem.entries.single:
+        raise InputError("`identification` must be of one input and one output; leave it out for a matrix")
+    samples, inner, outer = steps.narrowed(found, count)
     nominal = tube.nominal[samples]
     low, high = np.maximum(tube.lower[samples], nominal + inner), np.minimum(tube.upper[samples], nominal + outer)
     return dataclasses.replace(tube, times=dt * samples.astype(float), nominal=nominal, lower=low, upper=high)
@@ -196,14 +199,6 @@ def _integrals(values: Complex, pieces: Pieces, count: int) -> Real:
     found = (turned * np.cos(few * pieces.half)) @ (begun * np.sin(first * pieces.half)).T
     found += (turned * np.sin(few * pieces.half)) @ (begun * np.cos(first * pieces.half)).T
     return np.real(found).T.ravel()[:count] / np.arange(1, count + 1)
-
-
-def _as_one_entry(identification: object) -> Identification:
-    """The identification of a problem of one input and one output."""
-    found = as_kind("identification", identification, Identification, "an Identification")
-    if not found.problem.entries.single:
-        raise InputError("`identification` must be of one input and one output; leave it out for a matrix")
-    return found
 
 
 def _steps_of(bounds: LoopBounds, asked: Sequence[tuple[str, tuple[int, ...]]]) -> _Steps:

@@ -98,7 +98,9 @@ def improve(magnitude: Magnitude, angles: Real, bound: Real) -> Magnitude:
         aim = reached if closing else (least + reached) / 2
         found, crossings, near = _step(magnitude, grid, aim, near)
         # Points at the resonances that the step has moved: what looked good between the old points is judged there.
-        grid = _merged(grid, grid_of(angles, bound, found or magnitude, crossings))
+        second = grid_of(angles, bound, found or magnitude, crossings)
+        x, where = np.unique(np.concatenate([grid.x, second.x]), return_index=True)
+        grid = Grid(x, np.concatenate([grid.low, second.low])[where], np.concatenate([grid.high, second.high])[where])
         before = _looseness(magnitude, grid)
         reached = before if found is None else min(before, _looseness(found, grid))
         if found is not None and reached < before:
@@ -112,11 +114,6 @@ def improve(magnitude: Magnitude, angles: Real, bound: Real) -> Magnitude:
                 break
             least = opened
     return magnitude
-
-
-def _merged(first: Grid, second: Grid) -> Grid:
-    x, where = np.unique(np.concatenate([first.x, second.x]), return_index=True)
-    return Grid(x, np.concatenate([first.low, second.low])[where], np.concatenate([first.high, second.high])[where])
 
 
 def to_plane(roots: Complex) -> Complex:

@@ -297,7 +297,7 @@ def worst_case_over_poles(
     budget = Budget(time_limit)
     with threads_for(problem.coefficients):
         sets, refuted = searched(problem, whole, grid, cells, budget.share(_SEARCH))
-        most, _ = affordable(sets, grid, (directions, gap), budget, model)
+        most = affordable(sets, grid, (directions, gap), budget, model)
         if most < sum(consistent is not None for _, consistent in sets):
             sets, refuted = searched(problem, whole, grid, most, budget.share(_SEARCH))
     if not sets:

@@ -15,7 +15,6 @@ from robustid.core import Array, Arrays, Complex, Frozen, Real, freeze
 from robustid.data import TimeRecord
 from robustid.errors import InputError
 from robustid.guarantees.amplitude_bounds import Extractions, extractions_of, extractions_over, largest_amplitudes
-from robustid.guarantees.box_parts import are_covered, lies_within
 from robustid.guarantees.stated_box import checked_box
 from robustid.guarantees.widening import Points, bounds_at, widened_points, widened_record
 from robustid.identification import Identification, MixedProblem
@@ -40,25 +39,14 @@ class PoleCell(Frozen):
     after m terms; c/(s - a) into multiples of 1/(s - a0)^(k+1), with d = |s - a0|. So the systems with poles in the cell are among
     those with m-fold poles at its middle, coefficients in intervals, and samples whose bounds are wider by what the remainder does
     to them. MIMO: every entry has its own c and C, all have the poles in common.
-
-    Attributes
-    ----------
-    omega, damping : (M, 2) arrays
-        Ends, rad/s and 1.
-    amplitude : (M,) array; MIMO: (M, ny, nu)
-        C, the largest |c| of every mode.
-    delay : int, samples
-    dt : float, s
-        0 in continuous time.
-    proofs : tuple of Extraction
-        Sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated.
     """
 
-    omega: Real
+    omega: Real  # omega, damping: (M, 2); ends, rad/s and 1
     damping: Real
-    amplitude: Real
+    amplitude: Real  # (M,); MIMO: (M, ny, nu); C, the largest |c| of every mode
     delay: int
-    dt: float
+    dt: float  # s; 0 in continuous time
+    # sums over the samples that prove the amplitudes, of every independent entry; empty: they are stated
     proofs: Extractions = ()
 
     def __post_init__(self) -> None:
@@ -264,10 +252,7 @@ class PoleCell(Frozen):
 def box_of(identification: Identification, omega: ArrayLike | None, damping: ArrayLike | None, delay: int) -> PoleCell:
     """Pole-uncertainty box as one cell, with certified bounds of its amplitudes.
 
-    Raises
-    ------
-    InputError
-        As `checked_box`; the samples bound no amplitude of some mode by itself.
+    InputError: as `checked_box`; the samples bound no amplitude of some mode by itself.
     """
     return proved_cell(identification.problem, *checked_box(identification, omega, damping, delay))
 
@@ -283,11 +268,7 @@ def proved_cell(
     """Cell of modes in the order of the parametric part, with amplitudes that the samples prove; `proofs` as they are known.
 
     Those `before` are of a larger cell.
-
-    Raises
-    ------
-    InputError
-        The samples bound no amplitude of some mode by itself.
+    InputError: the samples bound no amplitude of some mode by itself.
     """
     own = _about(problem, omega, damping, delay)
     proofs = extractions_over(own, omega, damping, before) if proofs is None else proofs
@@ -325,3 +306,40 @@ def _products(a: Real, b: Real) -> tuple[Real, Real]:
     """Smallest and largest product of positive intervals, (M,) each."""
     all_of = np.stack([a[:, i] * b[:, j] for i, j in itertools.product((0, 1), repeat=2)])
     return all_of.min(axis=0), all_of.max(axis=0)
+
+
+def lies_within(inner: Real, outer: Real) -> bool:
+    """Return whether a box lies within another one."""
+    return inner.shape == outer.shape and bool(np.all((outer[:, 0] <= inner[:, 0]) & (inner[:, 1] <= outer[:, 1])))
+
+
+def are_covered(whole: Real, parts: list[Real]) -> bool:
+    """Return whether parts of a box cover it: it is cut where as few of them as possible lie on both sides, these are cut too."""
+    if any(lies_within(whole, part) for part in parts):
+        return True
+    side, cut = _cut(whole.tolist(), [part.tolist() for part in parts])
+    if side < 0:
+        return False
+    for end in (0, 1):
+        half = whole.copy()
+        half[side, 1 - end] = cut
+        mine = [part.copy() for part in parts if (part[side, 0] < cut if end == 0 else part[side, 1] > cut)]
+        for part in mine:
+            part[side] = np.clip(part[side], *half[side])
+        if not are_covered(half, mine):
+            return False
+    return True
+
+
+def _cut(whole: list[list[float]], parts: list[list[list[float]]]) -> tuple[int, float]:
+    """Side of a box and the end of a part where it is cut; side -1 where no part ends inside."""
+    best, found = len(parts) + 1, (-1, 0.0)
+    for side, (low, high) in enumerate(whole):
+        ends = [part[side] for part in parts]
+        for cut in {end for pair in ends for end in pair if low < end < high}:
+            across = sum(a < cut < b for a, b in ends)
+            if across < best:
+                best, found = across, (side, cut)
+            if not across:
+                return found
+    return found

@@ -162,17 +162,10 @@ Claim = SupportClaim | RefutationClaim | SumsClaim
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SummedCell(Cell):
-    """A cell whose values sums over the samples prove, of one direction each: no program is solved, nothing is relaxed.
-
-    Attributes
-    ----------
-    cell : PoleCell
-    bands : tuple of DirectedBand
-        Of every independent entry, with the frequencies of the values as their knots.
-    """
+    """A cell whose values sums over the samples prove, of one direction each: no program is solved, nothing is relaxed."""
 
     cell: PoleCell
-    bands: tuple[DirectedBand, ...]
+    bands: tuple[DirectedBand, ...]  # of every independent entry, with the frequencies of the values as their knots
 
     @classmethod
     def of(cls, problem: MixedProblem, cell: PoleCell, omega: Real, bands: tuple[DirectedBand, ...]) -> SummedCell:

@@ -94,17 +94,15 @@ def searched(
     return kept, refuted
 
 
-def affordable(
-    sets: Cells, grid: Real, settings: tuple[int, float], budget: Budget, model: control.StateSpace
-) -> tuple[int, float]:
+def affordable(sets: Cells, grid: Real, settings: tuple[int, float], budget: Budget, model: control.StateSpace) -> int:
     """So many cells can be bounded at enough frequencies in the time that is left, by the seconds of one of them at one."""
     first = next((consistent for _, consistent in sets if consistent is not None), None)
     if budget.seconds is None or first is None:
-        return LIMITLESS, 0.0
+        return LIMITLESS
     before = budget.left
     value_sets(first, grid[grid.size // 2 :][:1], *settings, Means(), model)
     each = max(before - budget.left, 1e-9)
-    return max(1, int(max(budget.left, 0.0) / each) // min(_ENOUGH, grid.size)), each
+    return max(1, int(max(budget.left, 0.0) / each) // min(_ENOUGH, grid.size))
 
 
 def bounded(

@@ -201,10 +201,6 @@ class _Search:
     def _response(self, x: Real, p: Real) -> Complex:
         return np.asarray(self._x @ x + self._p @ p, dtype=complex).reshape(self._shape)
 
-    def _take(self, found: Extreme) -> None:
-        if np.isfinite(found.attained):
-            self._members.append(self._value(found))
-
     def _functional(self, entry: Entry, direction: int) -> Functional:
         k = int(np.ravel_multi_index(entry, self._shape))
         return along(self._angles[direction], self._x[k], self._p[k], self._tail[k])
@@ -234,7 +230,8 @@ class _Search:
         found = None if whole else self._begin().bounded(functional, self._gap)
         if found is None:
             found = self._begin().extreme_of_all(functional, self._gap)
-            self._take(found)
+            if np.isfinite(found.attained):
+                self._members.append(self._value(found))
             polygon.whole.add(direction)
         reached = complex(self._value(found)[polygon.entry])
         side = found if before is None or found.upper <= before.upper else found.proved_by(before)

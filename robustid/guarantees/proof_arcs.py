@@ -252,7 +252,8 @@ class Between:
                 most = np.abs(above[0][side]) + above[1][side] + above[2]
                 found.append(np.where(least > 0, most / least, np.inf))
             least, most = np.abs(below[0]) - below[1], np.abs(above[0]) + above[1]
-            return _larger(np.where(least > 0, most / least, np.inf)), np.maximum(*found) * (1 + 1e-12)
+            values = np.where(least > 0, most / least, np.inf)
+            return np.maximum(values[:-1], values[1:]), np.maximum(*found) * (1 + 1e-12)
 
     def _off(self, z: Complex, known: Complex, value: Complex, reach: Real) -> list[Real]:
         """Distances that a, a + b F and c may have from their chords."""
@@ -269,10 +270,6 @@ class Between:
         first = np.abs(known[:-1, 1]), np.abs(value[:-1]) + reach[:-1]
         whole = off[0] + db * df / 4 + (first[0] + db) * f + off[1] * (first[1] + df + f)
         return [off[0], whole, off[2] if len(off) > 2 else np.zeros(whole.size)]
-
-
-def _larger(values: Real) -> Real:
-    return np.maximum(values[:-1], values[1:])
 
 
 def _resolvents(system: StateMatrices, z: Complex) -> Complex:

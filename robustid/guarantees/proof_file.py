@@ -95,22 +95,7 @@ def proof_text(result: object) -> str:
 
 
 def proof_texts(result: Any) -> list[str]:
-    """Return the proof files of a result: of designs one a band, of families one a member, of matrices one for each entry's band.
-
-    Parameters
-    ----------
-    result : Band, WorstCaseError, LoopBounds, Identification, Contradiction, ControllerDesign or Family
-        As of `proof_text`; a band may have several inputs and outputs.
-
-    Returns
-    -------
-    list of str
-
-    Raises
-    ------
-    InputError
-        The format does not express one of them yet.
-    """
+    """Return the proof files of a result: one a band of a design, a member of a family, an entry of a matrix."""
     if not isinstance(result, Band):
         return [proof_text(one) for one in getattr(result, "proofs", ()) or (result,)]
     words = [words_of(one.samples) for one in result.bands]

@@ -34,32 +34,18 @@ class HalfPlane(Frozen):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Judged(Frozen):
-    """The new samples of one experiment against everything that is consistent.
+    """The new samples of one experiment against everything that is consistent."""
 
-    Attributes
-    ----------
-    kind : {"frequency", "time"}
-    index : int
-        Number of the experiment, as given.
-    axis : (N,) array
-        rad/s, or s; only samples with a finite bound.
-    ratio : (N,) array
-        Proved: no consistent system has a smaller |error|/bound at this sample. 0 where a consistent system is inside the bound.
-    attainable : (N,) array
-        |error|/bound of a consistent system that was found at this sample; inf where none was verified.
-    proofs : tuple of HalfPlane
-        For the samples that the centre of the set does not keep.
-    entries : (N, 2) int array
-        Output and input of each sample; of a record the input is 0.
-    """
-
-    kind: str
-    index: int
-    axis: Real
+    kind: str  # {"frequency", "time"}
+    index: int  # number of the experiment, as given
+    axis: Real  # (N,); rad/s, or s; only samples with a finite bound
+    # (N,); proved: no consistent system has a smaller |error|/bound at this sample. 0 where a consistent system is
+    # inside the bound
     ratio: Real
+    # (N,); |error|/bound of a consistent system that was found at this sample; inf where none was verified
     attainable: Real
-    proofs: tuple[HalfPlane, ...]
-    entries: NDArray[np.intp]
+    proofs: tuple[HalfPlane, ...]  # for the samples that the centre of the set does not keep
+    entries: NDArray[np.intp]  # (N, 2); output and input of each sample; of a record the input is 0
 
     def __post_init__(self) -> None:
         self._set(**{name: freeze(getattr(self, name)) for name in ("axis", "ratio", "attainable", "entries")})

@@ -15,18 +15,12 @@ _SAME = 1e-9  # relative: frequencies that are one
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RelativeErrors(Frozen):
-    """Bounds of the largest singular value of F - model over that of the model, at the frequencies of the data.
+    """Bounds of the largest singular value of F - model over that of the model, at the frequencies of the data."""
 
-    Attributes
-    ----------
-    omega : (N,) array, rad/s
-        Frequencies between the lowest and the highest frequency point at which something is proved; where there are none, all at
-        which something is.
-    share : (N,) array
-    """
-
+    # (N,), rad/s; frequencies between the lowest and the highest frequency point at which something is proved; where
+    # there are none, all at which something is
     omega: Real
-    share: Real
+    share: Real  # (N,)
 
     @property
     def median(self) -> float:

@@ -45,17 +45,15 @@ class Scaling(NamedTuple):
 
     def loop(self, values: Complex | Real) -> Complex | Real:
         """``diag(beta) M diag(alpha)``, (K, nu, ny), of M or of radii around it."""
-        columns, rows = (_for_signals(part, size) for part, size in zip(self, values.shape[1:], strict=True))
+        # A group is a single signal, or all.
+        columns, rows = (
+            np.broadcast_to(part, (part.shape[0], size)) for part, size in zip(self, values.shape[1:], strict=True)
+        )
         return np.exp(columns)[:, :, None] * values * np.exp(rows)[:, None, :]
 
     def uncertainty(self, bound: Real) -> Real:
         """``diag(1/alpha) [b] diag(1/beta)``, (K, p, q)."""
         return np.exp(-self.rows)[:, :, None] * bound * np.exp(-self.columns)[:, None, :]
-
-
-def _for_signals(part: Real, size: int) -> Real:
-    """One number for every signal from one for each group of them: a group is a single signal, or all."""
-    return np.broadcast_to(part, (part.shape[0], size))
 
 
 def perron_scaling(values: Complex, bound: Real) -> Scaling:

@@ -16,11 +16,8 @@ def checked_box(
 ) -> tuple[Real, Real, int]:
     """Ends of a pole-uncertainty box and the delay of its pairs.
 
-    Raises
-    ------
-    InputError
-        Intervals that do not hold the poles of the identification, other bases than one pair per mode, records with
-        other than zero initial conditions.
+    InputError: intervals that do not hold the poles of the identification, other bases than one pair per mode, records with
+    other than zero initial conditions.
     """
     problem = identification.problem
     delay = delay if problem.dt else 0

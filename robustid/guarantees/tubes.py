@@ -362,7 +362,7 @@ def response_tube(
     (array([0. , 0.1]), array([0. , 0.5]), True)
     """
     as_kind("identification", identification, Identification, "an Identification")
-    check_sampled(identification.problem, "a response in time")
+    check_sampled(identification.problem)
     check_gain(identification.problem, "a response in time")
     at = as_entry(entry, identification.problem)
     kind, u = as_signal(input, horizon, identification)

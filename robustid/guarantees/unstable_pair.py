@@ -92,10 +92,7 @@ def unstable_pair(sides: tuple[Side, Side], edge: Edge, dt: float, budget: Budge
 def pair_again(sides: tuple[Side, Side], models: tuple[control.StateSpace, control.StateSpace], dt: float) -> Pair:
     """The pair of systems that were found before, judged again: stable ones with every sample inside its bound.
 
-    Raises
-    ------
-    ValueError
-        A system that is not, or a loop that is stable.
+    ValueError: a system that is not, or a loop that is stable.
     """
     for side, model in zip(sides, models, strict=True):
         problem = side.problem

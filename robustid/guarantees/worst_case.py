@@ -169,26 +169,9 @@ def growing_error(
     Every one is guaranteed, as that of `worst_case_error`, which takes finer ones; the coefficients have no intervals. The
     frequencies come in an order of which every beginning is spread over all of them.
 
-    Parameters
-    ----------
-    identification : Identification
-        Consistent, of one input and one output.
-    omega : (F,) array, rad/s
-    directions : int
-        Sides of the polygons.
-    gap : float
-        Part of the distance from the centre to which every support value is found.
-    progress : callable (text, done, count), optional
-        Sides of polygons; an exception that it raises ends the computation.
-
-    Yields
-    ------
-    WorstCaseError
-
-    Raises
-    ------
-    InconsistentDataError
-        The data fit no system of the class.
+    `directions` are the sides of the polygons, `gap` the part of the distance from the centre to which every support value
+    is found; an exception that `progress` raises ends the computation. InconsistentDataError: the data fit no system of the
+    class.
     """
     consistent = consistent_set(identification)
     parameters = parameter_intervals(consistent, None, Budget(_NO_TIME))

@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Numbers, freeze
+from robustid.core import Frozen, Numbers, freeze, real_rows
 from robustid.identification.formulation.rows import Rows
 from robustid.identification.formulation.sarason import SarasonMap
 
@@ -109,21 +109,11 @@ def evaluate_certificate(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Functional(Frozen):
-    """A real number that every system of the class has: f = <x, u> + <p, v> + remainder, |remainder| <= tail.
+    """A real number that every system of the class has: f = <x, u> + <p, v> + remainder, |remainder| <= tail."""
 
-    Attributes
-    ----------
-    x : (n,) array
-        Weights of the coefficients of the non-parametric part.
-    p : (m,) array
-        Weights of the scaled parameters (transients included).
-    tail : float
-        What the other coefficients can do; 0 where the n coefficients determine the value.
-    """
-
-    x: NDArray[np.float64]
-    p: NDArray[np.float64]
-    tail: float = 0.0
+    x: NDArray[np.float64]  # (n,); weights of the coefficients of the non-parametric part
+    p: NDArray[np.float64]  # (m,); weights of the scaled parameters (transients included)
+    tail: float = 0.0  # what the other coefficients can do; 0 where the n coefficients determine the value
 
     def __post_init__(self) -> None:
         self._set(x=freeze(self.x), p=freeze(self.p))
@@ -295,11 +285,6 @@ def leaked(
     reach = np.abs(ends).max(axis=1, initial=0.0)
     error = rounding[held] + 2 * (held.size + 2) * eps * np.abs(slope[held])
     return leak + float(np.sum((slope[held, None] * ends).max(axis=1, initial=-np.inf))) + float(error @ reach)
-
-
-def real_rows(matrix: Numbers) -> NDArray[np.float64]:
-    """Real parts above imaginary parts."""
-    return np.concatenate([np.real(matrix), np.imag(matrix)])
 
 
 def _balanced(samples: NDArray[np.complex128], target: NDArray[np.float64], rows: Rows) -> NDArray[np.complex128]:

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Numbers, Real
+from robustid.core import Numbers, Real, real_rows
 from robustid.errors import InputError
-from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate, real_rows
+from robustid.identification.certificate import Functional, MarginCertificate, SupportCertificate
 from robustid.identification.entries import HALF
 from robustid.identification.formulation.columns import BlockColumns, Columns
 from robustid.identification.formulation.passive import PassiveMap

@@ -70,10 +70,7 @@ class Observer(NamedTuple):
     def of(cls, controller: StateMatrices, decay: float) -> Observer:
         """Factors of a decay within a sample: slower poles are mirrored at half of it.
 
-        Raises
-        ------
-        InputError
-            If a slow pole does not show in the output.
+        InputError: if a slow pole does not show in the output.
         """
         dual = controller.transposed()
         return cls(controller, mirroring_feedback(dual, 1.0, min(decay / 2, _SLOWEST)).T)
@@ -215,10 +212,7 @@ def resampled(controller: StateMatrices, ratio: float) -> Iterator[StateMatrices
 def controller_output(controller: StateMatrices, y: Real, *, periodic: bool) -> Real:
     """C y from zero initial conditions, or in periodic steady state, where the mean of an integrator is 0.
 
-    Raises
-    ------
-    InputError
-        A controller with a pole beyond the unit circle.
+    InputError: a controller with a pole beyond the unit circle.
     """
     poles = poles_of(controller.A)
     if not periodic:

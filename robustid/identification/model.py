@@ -110,7 +110,8 @@ def join_model(problem: MixedProblem, rows: Rows, realised: States, p: NDArray[n
         outside = parametric_states(problem, residue_matrices(problem, rows, p), basis)
     states = inside if outside is None else _sum(inside, StateMatrices(*outside))
     states = plane.from_z(states) if weighting.trivial else states
-    return control.ss(*states, problem.dt, **signal_names(problem))
+    inputs, outputs = labels_of(problem.inputs, "u"), labels_of(problem.outputs, "y")
+    return control.ss(*states, problem.dt, inputs=inputs, outputs=outputs, name="identified")
 
 
 def _sum(first: StateMatrices, second: StateMatrices) -> StateMatrices:
@@ -130,12 +131,6 @@ def parametric_states(
         return np.kron(basis.A, np.eye(q)), np.kron(basis.B, np.eye(q)), outputs, through
     inputs = np.einsum("in,ipq->npq", basis.C, residues).reshape(-1, q)
     return np.kron(basis.A.T, np.eye(p)), inputs, np.kron(basis.B.T, np.eye(p)), through
-
-
-def signal_names(problem: MixedProblem) -> dict[str, list[str] | str]:
-    """Names of the model and its signals, with their units, for `control`."""
-    inputs, outputs = labels_of(problem.inputs, "u"), labels_of(problem.outputs, "y")
-    return {"inputs": inputs, "outputs": outputs, "name": "identified"}
 
 
 def physical_parameters(rows: Rows, p: NDArray[np.float64]) -> NDArray[np.float64]:

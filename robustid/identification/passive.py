@@ -85,9 +85,8 @@ def centred(problem: _Posed) -> tuple[Prior, ParametricBasis, Real]:
             " by the whole matrix at one frequency at least"
         )
     if prior.gain_bound is None:
-        prior = _with_scale(
-            prior, max(float(np.abs(positive_values(f, problem)[f.bound.used]).max()) for f in frequency)
-        )
+        size = max(float(np.abs(positive_values(f, problem)[f.bound.used]).max()) for f in frequency)
+        prior = dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
     constant = StateMatrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)))
     if not problem.weighting.trivial:
         constant = problem.weighting.own.states
@@ -153,17 +152,8 @@ def _highest(modes: ParametricBasis, frequency: tuple[FrequencyResponse, ...], p
     return highest
 
 
-def _with_scale(prior: Prior, size: float) -> Prior:
-    return dataclasses.replace(prior, gain_bound=size if size > 0 else 1.0)
-
-
 def check_gain(problem: _Posed, what: str) -> None:
-    """Refuse a positive-real class where something rests on a gain bound.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a positive-real class where something rests on a gain bound."""
     if problem.prior.positive_real:
         raise InputError(
             f"`prior` is a PositiveReal class, which has no gain bound, and {what} needs one; state a Prior(gain_bound=...) for it"

@@ -86,7 +86,10 @@ class Prior(Frozen):
     def __post_init__(self) -> None:
         self._set(gain_bound=as_positive("gain_bound", self.gain_bound))
         if self.scaling is not None:
-            self._set(scaling=_as_scaling(self.scaling))
+            matrix = as_array("scaling", self.scaling, ndim=2)
+            if not np.all(matrix > 0):
+                raise InputError(f"`scaling` must be positive; got a smallest entry of {matrix.min(initial=0.0):g}")
+            self._set(scaling=tuple(tuple(map(float, row)) for row in matrix))
         self._check_weight()
         if (self.decay_rate is None) == (self.decay is None):
             raise InputError(
@@ -235,14 +238,6 @@ def decay_argument(prior: Prior) -> str:
 def any_prior(dt: float | None, scaling: object = None, **shape: Any) -> Prior:
     """A prior without meaning but for scaling and roll-off, where a problem needs one, for data of a sample time or without."""
     return Prior(gain_bound=1.0, scaling=scaling, **({"decay_rate": 1.05} if dt else {"decay": 1.0}), **shape)
-
-
-def _as_scaling(value: object) -> tuple[tuple[float, ...], ...]:
-    """The matrix, as numbers that can be compared."""
-    matrix = as_array("scaling", value, ndim=2)
-    if not np.all(matrix > 0):
-        raise InputError(f"`scaling` must be positive; got a smallest entry of {matrix.min(initial=0.0):g}")
-    return tuple(tuple(map(float, row)) for row in matrix)
 
 
 def prior_fields(prior: Prior) -> Record:

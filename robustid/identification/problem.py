@@ -102,7 +102,7 @@ class MixedProblem(Frozen):
         as_kind("prior", self.prior, Prior, "a Prior")
         _check_same_time((*frequency, *time))
         self._set(frequency=frequency, time=time, symmetric=as_flag("symmetric", self.symmetric))
-        self._set(faults=as_faults("faults", self.faults))
+        self._set(faults=as_faults(self.faults))
         check_signals((*frequency, *time))
         self._set(entries=self._entries())
         self.prior.scales(self.entries.outputs, self.entries.inputs)
@@ -301,22 +301,22 @@ class MixedProblem(Frozen):
             )
 
 
-def check_sampled(problem: MixedProblem, what: str) -> None:
-    """Refuse a problem of continuous time where something is about samples in time."""
+def check_sampled(problem: MixedProblem) -> None:
+    """Refuse a problem of continuous time where a response in time is asked for."""
     if not problem.dt:
         raise InputError(
-            f"`identification` is of continuous time, and {what} needs a sample time: give the FrequencyResponse the `dt` at which"
-            " inputs are held and outputs sampled, and identify it again"
+            "`identification` is of continuous time, and a response in time needs a sample time: give the FrequencyResponse the"
+            " `dt` at which inputs are held and outputs sampled, and identify it again"
         )
 
 
-def posed_alone(frequency: object, time: object, scaling: object = None) -> MixedProblem:
+def posed_alone(frequency: object, time: object) -> MixedProblem:
     """Data with a prior of no meaning, to be chosen from them; whatever is wrong with the data is refused."""
     items: list[Any] = []
     for given in (frequency, time):
         items += given if isinstance(given, Sequence) else [given]
     dt = next((getattr(one, "dt", None) for one in items if one is not None), None)
-    return MixedProblem(frequency=frequency, time=time, prior=any_prior(dt, scaling))
+    return MixedProblem(frequency=frequency, time=time, prior=any_prior(dt))
 
 
 def excited_lines(record: TimeRecord) -> NDArray[np.intp]:

@@ -167,13 +167,14 @@ def _model_checks(formulation: Formulation, point: Candidate, nominal: Nominal) 
     ]
 
 
-def truncation_error(formulation: Formulation, point: Candidate, model: Model, count: int = 257) -> float:
+def truncation_error(formulation: Formulation, point: Candidate, model: Model) -> float:
     """Largest |model - interpolant|/K on a grid of frequencies, the interpolant by its own evaluation, with all states.
 
     Over the largest weight, where the class has one. What rounding makes of the modes, which may exceed K many times, is left out.
     """
     problem = formulation.problem
     K, scales = problem.prior.gain_bound, _scales(problem)
+    count = 257
     angles = np.pi * (np.arange(count) + 0.5) / count
     values = np.zeros((count, *scales.shape))  # of the central interpolant of coefficients that are zero
     if point.x.any():

@@ -243,12 +243,8 @@ def _times(system: StateMatrices, gain: float) -> StateMatrices:
 def as_weight(value: object) -> PriorWeight:
     """The weight that a `control` system of one input and one output is, or what was stored of one.
 
-    Raises
-    ------
-    InputTypeError
-    InputError
-        Several inputs or outputs, no time base, a zero system, an unstable one or one that is not of minimum phase, a delay,
-        zeros or poles that cannot be computed.
+    InputTypeError, InputError: several inputs or outputs, no time base, a zero system, an unstable one or one that is not
+    of minimum phase, a delay, zeros or poles that cannot be computed.
     """
     import control
 

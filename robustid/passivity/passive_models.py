@@ -122,7 +122,12 @@ def reduce_passive(
     >>> small.passivity.holds, small.order, bool(small.error < 0.12)
     (True, 2, True)
     """
-    given = _checked(model, kind)
+    if kind == NEGATIVE:
+        raise InputError(
+            '`kind` must be "bounded real" or "positive real" here: a truncated compliance is not negative imaginary by itself. Fit'
+            ' fewer poles, and make that model negative imaginary: make_passive(model, kind="negative imaginary", response=...)'
+        )
+    given = check_passive_input(model, kind)
     if (order is None) == (response is None):
         raise InputError(
             "give either `order`, the number of states to keep, or `response`, data with bounds to stay inside"
@@ -203,15 +208,6 @@ def make_passive(
         proved = [each for each in found if each[1].holds] or found[:1]
         fitted = proved[0] if data is None else min(proved, key=lambda each: _squares(each[0], data))
         return _result(given, *fitted, data=data)
-
-
-def _checked(model: control.StateSpace, kind: str) -> control.StateSpace:
-    if kind == NEGATIVE:
-        raise InputError(
-            '`kind` must be "bounded real" or "positive real" here: a truncated compliance is not negative imaginary by itself. Fit'
-            ' fewer poles, and make that model negative imaginary: make_passive(model, kind="negative imaginary", response=...)'
-        )
-    return check_passive_input(model, kind)
 
 
 def _compliance(given: control.StateSpace, data: FrequencyResponse | None) -> tuple[control.StateSpace, Passivity]:

@@ -266,6 +266,8 @@ class _Balanced:
 
     def _model(self, keep: int) -> tuple[control.StateSpace, bool]:
         """The model with so many states of the stable part, and whether those are stable."""
+        import control
+
         feedthrough, discrete = self.system.D, self.system.dt != 0
         if self.match is None:
             small = Parts(*self.balancing.truncated(*self.stable, keep))
@@ -274,7 +276,15 @@ class _Balanced:
             small, feedthrough = _in_steady_state(self.stable, feedthrough, into, onto, discrete=discrete)
         poles = np.linalg.eigvals(small.a)
         stable = bool(np.all(np.abs(poles) < 1 if discrete else poles.real < 0))
-        return _assemble(self.system, self.kept, small, feedthrough), stable
+        return control.StateSpace(
+            scipy.linalg.block_diag(self.kept.a, small.a),
+            np.vstack([self.kept.b, small.b]),
+            np.hstack([self.kept.c, small.c]),
+            feedthrough,
+            self.system.dt,
+            inputs=self.system.input_labels,
+            outputs=self.system.output_labels,
+        ), stable
 
 
 def _in_steady_state(parts: Parts, feedthrough: Real, into: Real, onto: Real, *, discrete: bool) -> tuple[Parts, Real]:
@@ -326,17 +336,3 @@ def _error_bounds(hankel: Real) -> Real:
         group = hankel[r + 1 :][hankel[r + 1 :] >= hankel[r] * (1 - _EQUAL)].size
         bounds[r] = bounds[r + 1 + group] + 2 * hankel[r]
     return bounds
-
-
-def _assemble(model: control.StateSpace, kept: Parts, small: Parts, feedthrough: Real) -> control.StateSpace:
-    import control
-
-    return control.StateSpace(
-        scipy.linalg.block_diag(kept.a, small.a),
-        np.vstack([kept.b, small.b]),
-        np.hstack([kept.c, small.c]),
-        feedthrough,
-        model.dt,
-        inputs=model.input_labels,
-        outputs=model.output_labels,
-    )

@@ -66,7 +66,10 @@ def controller_model(controller: Controller, *, name: str = "controller") -> con
         model = _static(frf) if order == 0 else _fitted(frf, order, weight)
         if model is None:
             continue
-        missed = float(np.max(_missed(model, frf)))
+        values = np.array([np.atleast_2d(model(point)) for point in points_of(frf.omega, frf.dt or 0.0).tolist()])
+        missed = float(
+            np.max(np.linalg.norm(values - frf.values, axis=(1, 2)) / np.linalg.norm(frf.values, axis=(1, 2)))
+        )
         if missed <= _EXACT:
             return model
         least = min(least, missed)
@@ -88,9 +91,3 @@ def _fitted(frf: FrequencyResponse, order: int, weight: Real) -> control.StateSp
         return fit_mfd(frf, order=order, stable=False, feedthrough=True, restart=False, weight=weight).model
     except (RobustIdError, np.linalg.LinAlgError):  # too few frequencies for so many states
         return None
-
-
-def _missed(model: control.StateSpace, frf: FrequencyResponse) -> Real:
-    """The part of the response that a model misses, by frequency."""
-    values = np.array([np.atleast_2d(model(point)) for point in points_of(frf.omega, frf.dt or 0.0).tolist()])
-    return np.linalg.norm(values - frf.values, axis=(1, 2)) / np.linalg.norm(frf.values, axis=(1, 2))

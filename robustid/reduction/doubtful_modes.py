@@ -62,19 +62,6 @@ def without_doubtful_modes(
     A mode is doubtful at the limit of damping; where it changes the response by less than 5 % anywhere near its peak (a pole beside
     a zero); or where it is narrower than a quarter of the distance of the frequency points and these stay within their bounds
     without it. Points that were not used are asked too: the model must not miss them by more without it.
-
-    Parameters
-    ----------
-    identification : Identification
-    model : control.StateSpace
-        A small model of it.
-    unused : sequence of FrequencyResponse
-        With the bounds that are in force.
-
-    Returns
-    -------
-    model : control.StateSpace
-    modes : tuple of DoubtfulMode
     """
     found: list[DoubtfulMode] = []
     limit = max(1.0, identification.margin * (1 + 1e-5), largest_ratio(identification.problem, model))

@@ -190,7 +190,16 @@ def partial_gramian_factors(
     if weight is not None:
         return _weighted_factors(stable, model, weight)
     share = _horizon_share(model, horizon) if band_hz is None else _band_share(model, band_hz)
-    return _limited_factors(stable, share, discrete=model.dt != 0)
+    # limited: from coordinates in which the whole one is the identity, where nothing cancels
+    balanced = balancing(*gramian_factors(stable, discrete=model.dt != 0))
+    hankel = balanced.hankel
+    order = int(np.sum(hankel > hankel.size * _EPS * np.max(hankel, initial=0.0)))
+    left, right = balanced.coordinates(order)
+    if not order:
+        return left, right
+    hankel = hankel[:order]
+    a = left.T @ stable.a @ right
+    return left @ _root(share((a / hankel).T)), right @ _root(share(a / hankel[:, None]))
 
 
 def _band_share(model: control.StateSpace, band_hz: tuple[float, float] | None) -> Share:
@@ -244,19 +253,6 @@ def _sample_time(name: str, model: control.StateSpace) -> float:
     if model.dt is True:
         raise InputError(f"`{name}` needs the sample time of `model` in s; its dt is True")
     return float(model.dt or 0)  # None: without states
-
-
-def _limited_factors(parts: Parts, share: Share, *, discrete: bool) -> Factors:
-    """Factors of both Gramians, limited: from coordinates in which the whole one is the identity, where nothing cancels."""
-    balanced = balancing(*gramian_factors(parts, discrete=discrete))
-    hankel = balanced.hankel
-    order = int(np.sum(hankel > hankel.size * _EPS * np.max(hankel, initial=0.0)))
-    left, right = balanced.coordinates(order)
-    if not order:
-        return left, right
-    hankel = hankel[:order]
-    a = left.T @ parts.a @ right
-    return left @ _root(share((a / hankel).T)), right @ _root(share(a / hankel[:, None]))
 
 
 def _root(share: Real) -> Real:

@@ -82,13 +82,8 @@ class LargestGain(ABC):
     Resonances first, refined between their neighbours; then the level just above is tested: it is crossed where a Hamiltonian
     matrix has eigenvalues on the axis (`bruinsma1990`).
 
-    Parameters
-    ----------
-    sums : Values or None
-        The response as a sum over its poles, where that serves.
-    direct : (ny, nu) array
-        Its value at infinity; of discrete systems, whose frequencies are angles, at z = -1, which the bilinear transformation
-        takes there.
+    `sums` is the response as a sum over its poles, where that serves; `direct` its value at infinity, of discrete systems,
+    whose frequencies are angles, at z = -1, which the bilinear transformation takes there.
     """
 
     def __init__(self, sums: Values | None, direct: Real, *, discrete: bool):

@@ -134,30 +134,12 @@ def model_worth_having(
     must simulate them about as well as the best output-error fit of the order that they carry, too; else it is
     replaced by the smallest fit of records and response together that does and lies inside every bound.
 
-    Parameters
-    ----------
-    identification : Identification
-    smallest : Reduction
-        Of `reduce_within_bounds`.
-    frf : FrequencyResponse or None
-        The data with the bounds (or the covariance) that they were measured with, not inflated: they weight the misfit.
-    records : sequence of TimeRecord
-        Those that the response was estimated from, or without a response those of the problem.
-    time_limit : float, optional
-        Seconds for the fits.
-    progress : callable (text, done, count), optional
-        Fits.
+    `frf` has the bounds (or the covariance) that it was measured with, not inflated: they weight the misfit; `records` are
+    those that it was estimated from, or without it those of the problem. None where fits don't compare, as
+    `why_not_compared` says: the model has integrators that fits don't keep, or no fit is possible.
 
-    Returns
-    -------
-    ModelWorth or None
-        None where fits don't compare, as `why_not_compared` says: the model has integrators that fits don't keep, or no fit is
-        possible.
-
-    Notes
-    -----
-    Where model errors exceed the noise every further state is significant; then the error at withheld frequency points decides.
-    Source: F-test and description length, `pintelon2012`.
+    Where model errors exceed the noise every further state is significant; then the error at withheld frequency points
+    decides. Source: F-test and description length, `pintelon2012`.
     """
     as_kind("identification", identification, Identification, "the result of identify()")
     if why_not_compared(identification, smallest, frf, records):

@@ -176,21 +176,17 @@ def _part(record: TimeRecord, samples: slice) -> TimeRecord:
 def _fit_with_constant(model: control.StateSpace, record: TimeRecord) -> Real:
     """The fit of every output but for a constant, and for a free response where the initial state is unknown."""
     if record.initial == "free":
-        return validate(_with_constants(model), record).fit
+        # with states that keep their value, one added to every output: offsets, where the initial state is fitted
+        import control
+
+        ny = model.noutputs
+        A = scipy.linalg.block_diag(model.A, np.eye(ny))
+        B, C = np.vstack([model.B, np.zeros((ny, model.ninputs))]), np.hstack([model.C, np.eye(ny)])
+        return validate(control.StateSpace(A, B, C, model.D, model.dt, remove_useless_states=False), record).fit
     found = validate(model, record)
     left = np.linalg.norm(found.residuals - found.residuals.mean(axis=0), axis=0)
     size = np.linalg.norm(record.y - record.y.mean(axis=0), axis=0)
     return 1 - left / np.maximum(size, np.finfo(float).tiny)
-
-
-def _with_constants(model: control.StateSpace) -> control.StateSpace:
-    """The model with states that keep their value, one added to every output: offsets, where the initial state is fitted."""
-    import control
-
-    ny = model.noutputs
-    A = scipy.linalg.block_diag(model.A, np.eye(ny))
-    B, C = np.vstack([model.B, np.zeros((ny, model.ninputs))]), np.hstack([model.C, np.eye(ny)])
-    return control.StateSpace(A, B, C, model.D, model.dt, remove_useless_states=False)
 
 
 def in_operation(record: TimeRecord) -> TimeRecord:

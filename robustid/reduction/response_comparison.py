@@ -98,21 +98,19 @@ def _weight(frf: FrequencyResponse) -> Real | None:
     return np.where(np.isfinite(radius) & (radius > 0), 1 / np.where(radius > 0, radius, 1.0), 0.0)
 
 
-def _carried_order(sweep: OrderSweep) -> int:
-    """The smallest order whose error at withheld points is within a quarter of the best; where none is known, that of least MDL."""
-    usable = (sweep.parameters <= sweep.equations / 2) & (sweep.unresolved == 0)
-    usable = usable if usable.any() else np.ones(usable.size, bool)
-    judged = usable & np.isfinite(sweep.withheld)
-    if judged.any():
-        return int(sweep.orders[judged & (sweep.withheld <= _PREDICTS * sweep.withheld[judged].min())][0])
-    return int(sweep.orders[usable][np.argmin(sweep.mdl[usable])])
-
-
 class ResponseJudge:
     """The misfit of models at the frequency points, and what is significantly above that of the fit of the order carried."""
 
     def __init__(self, identification: Identification, sweep: OrderSweep):
-        self.carried = _carried_order(sweep)
+        # the smallest order whose error at withheld points is within a quarter of the best; else that of least MDL
+        usable = (sweep.parameters <= sweep.equations / 2) & (sweep.unresolved == 0)
+        usable = usable if usable.any() else np.ones(usable.size, bool)
+        judged = usable & np.isfinite(sweep.withheld)
+        self.carried = (
+            int(sweep.orders[judged & (sweep.withheld <= _PREDICTS * sweep.withheld[judged].min())][0])
+            if judged.any()
+            else int(sweep.orders[usable][np.argmin(sweep.mdl[usable])])
+        )
         self.fit, self._plane = sweep.fits[self.carried], identification.problem.plane
         place = int(np.flatnonzero(sweep.orders == self.carried)[0])
         self._signals, self._parameters = sum(identification.problem.entries.shape), int(sweep.parameters[place])

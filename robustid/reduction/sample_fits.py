@@ -149,16 +149,11 @@ def normal_functions(pair: Pair, weights: Real) -> Pair:
     A = (values[:, None] * Vt) @ A @ (Vt.T / values)
     C = C @ (Vt.T / values)
     schur, basis = scipy.linalg.schur(A, output="real")[:2]
-    size = np.sqrt(np.maximum(1 - np.abs(_schur_poles(schur)) ** 2, np.finfo(float).eps))
-    return Pair(schur, C @ basis, size)
-
-
-def _schur_poles(schur: Real) -> Complex:
-    """Eigenvalues in the order of the diagonal of a real Schur form."""
     poles = np.diagonal(schur).astype(complex)
     for k in np.flatnonzero(np.diagonal(schur, -1)):
         poles[k : k + 2] = np.linalg.eigvals(schur[k : k + 2, k : k + 2])
-    return poles
+    size = np.sqrt(np.maximum(1 - np.abs(poles) ** 2, np.finfo(float).eps))
+    return Pair(schur, C @ basis, size)
 
 
 def inside(pair: Pair, radius: float) -> Pair:
@@ -344,7 +339,12 @@ def levelled(
         reach = np.concatenate([np.full(linear.shape[1], np.inf), trust * ways.size])
         G = np.hstack([linear, ways.columns])
         v, expected = smallest_maximum(G, samples.y, samples.discs, first, reach, samples.cone)
-        ahead = _stepped(samples, ways.step(v[linear.shape[1] :]), v[: linear.shape[1]], radius, held)
+        pair = ways.step(v[linear.shape[1] :])
+        ahead = (
+            numerators_levelled(least_squares(samples, pair))
+            if held.size or np.abs(pair.poles).max() >= radius * (1 - 1e-12)
+            else evaluated(Functions(samples, pair), v[: linear.shape[1]])
+        )
         part = (worst - ahead.worst) / max(worst - expected, 1e-12 * worst)
         if ahead.worst < worst:
             gain, fit = 1 - ahead.worst / worst, ahead
@@ -355,13 +355,6 @@ def levelled(
         if slow or met or hopeless:
             return fit
     return fit
-
-
-def _stepped(samples: SampleMap, pair: Pair, v: Real, radius: float, held: Poles) -> Fit:
-    """The model Sigma^-1 N of a step; new numerators where poles are held or drawn back, or the functions in other coordinates."""
-    if held.size or np.abs(pair.poles).max() >= radius * (1 - 1e-12):
-        return numerators_levelled(least_squares(samples, pair))
-    return evaluated(Functions(samples, pair), v)
 
 
 def numerators_levelled(fit: Fit) -> Fit:

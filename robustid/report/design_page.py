@@ -11,7 +11,6 @@ import numpy as np
 
 from robustid.controllers import ControllerDesign, DesignStatus, Improvement, Limits, integral_gain
 from robustid.core import Complex, StateMatrices, response_at
-from robustid.guarantees import LoopBounds
 from robustid.identification import as_system
 from robustid.report.charts import Chart, first_panel
 from robustid.report.data_faults import shown_faults
@@ -298,7 +297,11 @@ def _controller(design: ControllerDesign, single: bool) -> list[Block]:
     found: list[Block] = [Facts([*structure_rows(design), *(_gain_rows if single else _least_gain_rows)(design)])]
     if single:
         found.append(_roots_table(design))
-        return [*found, Drawing(_with_units(model_chart(design.controller, "controller"), design))]
+        # with its signals in the label of the magnitude, from the output of the plant to the input
+        chart = model_chart(design.controller, "controller")
+        problem, (size, phase) = design.proofs[0].band.problem, chart.panels
+        axis = dataclasses.replace(size.y, label=f"{problem.inputs[0]} / {problem.outputs[0]}")
+        return [*found, Drawing(dataclasses.replace(chart, panels=(dataclasses.replace(size, y=axis), phase)))]
     return [*found, Grid(list(_entries(design, design.controller)), design.controller.ninputs)]
 
 
@@ -313,13 +316,6 @@ def _entries(design: ControllerDesign, controller: control.StateSpace) -> Iterat
             size = dataclasses.replace(first.y, label=f"size{unit_label(u.unit, y.unit)}")
             first = dataclasses.replace(first, title=f"From {y.name} to {u.name}", y=size)
             yield dataclasses.replace(chart, name=f"controller-{i}-{j}", panels=(first, *chart.panels[1:]))
-
-
-def _with_units(chart: Chart, design: ControllerDesign) -> Chart:
-    """The controller with its signals in the label of the magnitude, from the output of the plant to the input."""
-    problem, (size, phase) = design.proofs[0].band.problem, chart.panels
-    axis = dataclasses.replace(size.y, label=f"{problem.inputs[0]} / {problem.outputs[0]}")
-    return dataclasses.replace(chart, panels=(dataclasses.replace(size, y=axis), phase))
 
 
 def _gain_rows(design: ControllerDesign) -> list[tuple[str, str]]:
@@ -376,12 +372,8 @@ def _margins(design: ControllerDesign) -> list[Block]:
     found: list[Block] = []
     for k, one in enumerate(design.proofs, start=1):
         found += [Heading(f"Band {k}", 3)] if len(design.proofs) > 1 else []
-        found += [peaks_table(one), Facts(_without_assumed(one)), *single_loops(one)]
+        found += [peaks_table(one), Facts([row for row in loop_rows(one) if row[0] != "Assumed"]), *single_loops(one)]
     return found
-
-
-def _without_assumed(bounds: LoopBounds) -> list[tuple[str, str]]:
-    return [row for row in loop_rows(bounds) if row[0] != "Assumed"]
 
 
 def _stands_on(design: ControllerDesign) -> list[tuple[str, str]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robustid.controllers import FIR, PID, ControllerDesign, Factor, Fixed, LowPass, Matrix, Notch, entries_of
-from robustid.core import Real
 from robustid.identification import as_system
 from robustid.report.words import HZ, in_hz, in_hz_span, number
 
@@ -45,12 +44,12 @@ def structure_rows(design: ControllerDesign) -> list[tuple[str, str]]:
             ("From the axes to the inputs", structure.actuators),
             ("From the outputs to the axes", structure.sensors),
         )
-        rows += [(name, _matrix(matrix)) for name, matrix in around if matrix is not None]
+        rows += [
+            (name, "; ".join(", ".join(map(number, row)) for row in matrix.tolist()))
+            for name, matrix in around
+            if matrix is not None
+        ]
     return rows
-
-
-def _matrix(matrix: Real) -> str:
-    return "; ".join(", ".join(map(number, row)) for row in matrix.tolist())
 
 
 def _signal_names(design: ControllerDesign) -> tuple[list[str], list[str]]:

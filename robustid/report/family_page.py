@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from robustid.core import Complex, Real
-from robustid.data import PlacedFault
 from robustid.errors import InputError
 from robustid.guarantees import Coverage, Family, WorstCaseOverPoles
 from robustid.report.charts import (
@@ -149,12 +148,12 @@ def _glance(family: Family, entry: Chart, parts: Parts) -> Glance:
         numbers=numbers,
         words="" if contradicted else guarantee_words(family),
         chart=first_panel(entry),
-        next=steps_with_faults(_placed_faults(family), parts.get("undoing"), [Text(step) for step in steps]),
+        next=steps_with_faults(
+            [one for m in family.members for one in m.identification.problem.placed_faults],
+            parts.get("undoing"),
+            [Text(step) for step in steps],
+        ),
     )
-
-
-def _placed_faults(family: Family) -> list[PlacedFault]:
-    return [one for m in family.members for one in m.identification.problem.placed_faults]
 
 
 def _verdicts(family: Family, withheld: Coverage | None) -> list[Verdict]:

@@ -58,6 +58,8 @@ def fleet_page(found: Fleet, heading: str | None, parts: Parts) -> Document:
     if found.faulty:
         words = f"The data of {found.faulty} of {found.asked} {found.things} have a fault that nothing has undone"
         faults.append(Text(f"{words}; their pages say which.", "warning", head="Warning"))
+    columns = [_first(found), Column("For", "text")]
+    cells = [(row.name, row.waits) for row in found.waiting]
     body: list[Block] = [
         Heading("Without a verdict"),
         *[Text(found.left_words)] * bool(found.left),
@@ -65,7 +67,7 @@ def fleet_page(found: Fleet, heading: str | None, parts: Parts) -> Document:
         Heading("Refuted or contradicted"),
         _sentences(found, found.refuted, f"The data of no {found.thing} contradict its class or its band."),
         Heading("Who waits for data"),
-        _waiting(found),
+        Table(columns, cells, empty=f"No {found.thing} does.", most=_LISTED),
         Heading("Worst cases"),
         Text(_WORST, "soft"),
         *([] if chart is None else [Drawing(chart)]),
@@ -97,12 +99,6 @@ def _sentences(found: Fleet, rows: Sequence[FleetRow], empty: str, unfinished: b
     cells = [(row.name, row.state.value, row.unfinished if unfinished else row.sentence) for row in rows]
     columns = [_first(found), Column("State", "whole"), Column("In words", "text")]
     return Table(columns, cells, empty=empty, most=_LISTED)
-
-
-def _waiting(found: Fleet) -> Table:
-    columns = [_first(found), Column("For", "text")]
-    cells = [(row.name, row.waits) for row in found.waiting]
-    return Table(columns, cells, empty=f"No {found.thing} does.", most=_LISTED)
 
 
 def _worst(found: Fleet) -> Table:

@@ -61,7 +61,11 @@ def render(document: Document, *, static: bool = False, progress: Progress | Non
             versions=_versions(),
             date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
             plotly="" if static else _plotly(),
-            data="" if static else packed(_json({figure.id: figure.spec for figure in every})),
+            data=""
+            if static
+            else packed(
+                json.dumps({figure.id: figure.spec for figure in every}, allow_nan=False, separators=(",", ":"))
+            ),
         )
     )
 
@@ -147,10 +151,6 @@ def _versions() -> list[tuple[str, str]]:
     """Programs that computed this, with their versions."""
     first = [("robustid", __version__), ("Python", platform.python_version())]
     return first + [(name, importlib.metadata.version(name)) for name in _PACKAGES]
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, allow_nan=False, separators=(",", ":"))
 
 
 def packed(text: str) -> str:

@@ -99,6 +99,8 @@ def identification_page(identification: Identification, title: str | None, parts
     looped = loop_section(identification, parts.get("loop"), parts.get("plant"), parts.get("candidates"))
     design = [] if (designed := parts.get("design")) is None else design_section(designed)
     shown = further_models(reduction, parts.get("models"))
+    nominal = f"nominal model, order {identification.order}", identification.model
+    name, model = nominal if reduction is None else (f"reduced model, order {reduction.order}", reduction.model)
     own = [
         *withheld_section(withheld),
         Heading("Consistency margin"),
@@ -114,7 +116,7 @@ def identification_page(identification: Identification, title: str | None, parts
         *order_section(identification, reduction),
         *worth_section(parts.get("worth")),
         *poles_section(identification, shown),
-        *_matrices(identification, reduction),
+        *matrices_section(name, model, identification.problem.dt),
         Heading("Verification"),
         Text("This package evaluated every claim again from the numbers, along other paths than it was found."),
         checks_table(identification.verification.checks),
@@ -156,13 +158,6 @@ def _guaranteed(identification: Identification, parts: Parts) -> list[Block]:
     if (sensitivity := parts.get("sensitivity")) is not None:
         found += sensitivity_section(identification, sensitivity)
     return found
-
-
-def _matrices(identification: Identification, reduction: Reduction | None) -> list[Block]:
-    """The section of the small model in numbers, or of the nominal one."""
-    nominal = f"nominal model, order {identification.order}", identification.model
-    name, model = nominal if reduction is None else (f"reduced model, order {reduction.order}", reduction.model)
-    return matrices_section(name, model, identification.problem.dt)
 
 
 def _verdicts(identification: Identification, parts: Parts) -> list[Verdict]:

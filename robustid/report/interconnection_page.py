@@ -42,6 +42,12 @@ def interconnection_page(result: Interconnection, title: str | None, parts: Part
     region = parts.get("forbidden")
     drawn = loci_chart(result, region)
     first = first_panel(margin_chart(result) if np.isfinite(result.margin) else drawn)
+    margin = "infinite" if np.isinf(result.margin) else at_least(result.margin, 3)
+    found = [("factor on both errors that is allowed", margin)]
+    if np.isfinite(result.margin):
+        found += [("least at", in_hz(result.frequency / HZ, 4)), ("limited most by", f"the {result.limited_by}")]
+    if result.passive.any():
+        found.append(("arcs proved by passivity", f"{int(result.passive.sum())} of {result.passive.size}"))
     return Document(
         title or "Source and load in one loop",
         head=[interconnection_verdict(result)],
@@ -61,7 +67,7 @@ def interconnection_page(result: Interconnection, title: str | None, parts: Part
             *_proofs(result),
         ],
         glance=Glance(
-            _numbers(result),
+            found,
             _words(result),
             first,
             [Text(one) for one in _next(result)],
@@ -74,6 +80,10 @@ def _over_frequency(result: Interconnection) -> list[Block]:
     """Section on the margin; none of two known systems, of which there is no margin."""
     if np.isinf(result.margin):
         return []
+    rows = [
+        [number(low / HZ, 5), number(high / HZ, 5), at_least(margin)] for low, high, margin in _ranges(result)[:_ROWS]
+    ]
+    heads = of_numbers("from [Hz]", "to [Hz]", "least margin")
     return [
         Heading("Margin over frequency", guarantee=True),
         Text(
@@ -81,7 +91,7 @@ def _over_frequency(result: Interconnection) -> list[Block]:
             " between the frequencies too, from 0 to the end of the axis. Above 1 at every frequency all pairs are alike."
         ),
         Drawing(margin_chart(result)),
-        _open_arcs(result),
+        Table(heads, rows, title="Not proved", empty="Every arc is proved."),
     ]
 
 
@@ -94,22 +104,8 @@ def interconnection_verdict(result: Interconnection) -> Verdict:
     words = f"{sentence[0].upper()}{sentence[1:]}."
     if result.poles.size and not result.stable:
         whose = "that pair" if result.pair is not None else "the two models"
-        words += f" The loop of {whose} has a {_poles(result)}."
+        words += f" The loop of {whose} has a {describe_poles(result.poles[np.imag(result.poles) >= 0], result.dt)}."
     return Verdict(key, word, words, id="interconnection-verdict")
-
-
-def _poles(result: Interconnection) -> str:
-    return describe_poles(result.poles[np.imag(result.poles) >= 0], result.dt)
-
-
-def _numbers(result: Interconnection) -> list[tuple[str, str]]:
-    margin = "infinite" if np.isinf(result.margin) else at_least(result.margin, 3)
-    found = [("factor on both errors that is allowed", margin)]
-    if np.isfinite(result.margin):
-        found += [("least at", in_hz(result.frequency / HZ, 4)), ("limited most by", f"the {result.limited_by}")]
-    if result.passive.any():
-        found.append(("arcs proved by passivity", f"{int(result.passive.sum())} of {result.passive.size}"))
-    return found
 
 
 def _words(result: Interconnection) -> str:
@@ -194,15 +190,6 @@ def margin_chart(result: Interconnection) -> Chart:
         layers.append(Layer("least", *place, ALERT, marker="diamond"))
     span = span_of(np.concatenate([layer.y for layer in layers]), 1.5)
     return Chart("margins", (Panel("Margin of every arc", axis, Axis("margin [–]", log=True, range=span), layers),))
-
-
-def _open_arcs(result: Interconnection) -> Table:
-    """Ranges in which nothing is proved."""
-    rows = [
-        [number(low / HZ, 5), number(high / HZ, 5), at_least(margin)] for low, high, margin in _ranges(result)[:_ROWS]
-    ]
-    heads = of_numbers("from [Hz]", "to [Hz]", "least margin")
-    return Table(heads, rows, title="Not proved", empty="Every arc is proved.")
 
 
 def _region(result: Interconnection, region: tuple[float, float] | None) -> list[Block]:

@@ -87,7 +87,7 @@ def time_chart(identification: Identification, models: Models = None) -> Chart:
         if answers[0].kind == "time"
     ]
     if siso(identification):
-        panels += answer_panels(identification, shown, 0, 0)
+        panels += _panels(identification, shown, _answers(identification, shown), 0, 0)
     return Chart("time", panels, grid=not siso(identification))
 
 
@@ -117,11 +117,6 @@ def answer_titles(signal: Signal, dt: float = 1.0) -> dict[str, str]:
         if dt
         else f"Impulse response: {signal.name} has the area {amount} s at 0 s, seen from then on",
     }
-
-
-def answer_panels(identification: Identification, shown: list[Shown], output: int, input_: int) -> list[Panel]:
-    """Step and pulse response of one entry of the models."""
-    return _panels(identification, shown, _answers(identification, shown), output, input_)
 
 
 def _panels(

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from robustid.app.run.constant_matrix import matrix_text
-from robustid.app.run.controller_settings import ControllerChoice
+from robustid.app.run.controller_settings import ControllerChoice, matrix_text
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.structure_text import goal_of, structure_of
 from robustid.controllers import FIR, PID, Attenuation, LeadLag, LowPass, Notch

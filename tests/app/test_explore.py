@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.app.explore.callbacks import write_run_file
-from robustid.app.explore.kept import compared
-from robustid.app.explore.modes import added, most_missed_hz, removed
+from robustid.app.explore.callbacks import added, compared, most_missed_hz, removed, write_run_file
 from robustid.app.explore.quantities import choice_of, mode_names, quantities
 from robustid.app.explore.worker import Worker, glance
 from robustid.errors import InputError

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from robustid.core import real_rows
 from robustid.errors import InputTypeError
 from robustid.fitting import subspace_estimate
-from robustid.fitting.state_space.given_poles import real_rows
 from robustid.fitting.state_space.subspace import pole_choices, rational_krylov
 from support.cases import slow
 from support.measured import needs

@@ -12,8 +12,7 @@ from robustid.identification.formulation import DenseDesign, DenseMap, Symmetric
 from robustid.identification.formulation.ball import Axes, TurnedBall
 from robustid.identification.formulation.passive import PassiveMap
 from robustid.identification.formulation.passive_blocks import QuadratureRealPart, QuadratureRealParts
-from robustid.identification.formulation.quadrature import QuadratureMap
-from robustid.identification.formulation.quadrature_products import QuadratureProducts
+from robustid.identification.formulation.quadrature import QuadratureMap, QuadratureProducts
 from robustid.identification.formulation.sarason import PairMap
 from robustid.identification.formulation.sections import BlockHankelMap, SectionMap
 from robustid.identification.formulation.taylor import HankelMap

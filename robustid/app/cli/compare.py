@@ -126,17 +126,13 @@ def _compared(console: Terminal, paths: Sequence[Path], things: list[object], ho
             return compared(*things, probability=how.probability, period=how.period)
     things[:] = [response_of(console, path, one, how.period) for path, one in zip(paths, things, strict=True)]
     with step(console, "finding the modes of every setup"):
-        return common_modes(_by_name(paths, things), probability=how.probability)
-
-
-def _by_name(paths: Sequence[Path], things: Sequence[object]) -> Record:
-    """Setups by the names of their files; by the whole path where two names are one."""
-    names = [path.stem for path in paths]
-    if len(set(names)) < len(names):
-        names = [str(path) for path in paths]
-    if len(set(names)) < len(names):
-        raise InputError("a file is named twice: a setup agrees with itself whatever it measured")
-    return dict(zip(names, things, strict=True))
+        names = [path.stem for path in paths]
+        if len(set(names)) < len(names):
+            names = [str(path) for path in paths]
+        if len(set(names)) < len(names):
+            raise InputError("a file is named twice: a setup agrees with itself whatever it measured")
+        named: Record = dict(zip(names, things, strict=True))
+        return common_modes(named, probability=how.probability)
 
 
 def response_of(console: Terminal, path: Path, found: object, period: int | None) -> FrequencyResponse:

@@ -104,18 +104,13 @@ def control(
     head, code = first_screen(found), design_exit(found, [one.band for one in plants])
     screen.conclude(console, head, lambda: [found.summary()], written=written, steps=steps)
     if len(source) > 1:
-        screen.say(console, *_dear(found, source))
+        dear = [f"{source[k]} ({name}, {100 * share:.4g} %)" for k, name, share in found.limiting_bands[:_NAMED]]
+        screen.say(console, *([f"most of a limit is taken by the plants of {', '.join(dear)}"] if dear else []))
     if as_json:
         from robustid.app.answers import verdicts
 
         screen.write(verdicts.designed(found, head, code, written), console)
     raise typer.Exit(code)
-
-
-def _dear(found: ControllerDesign, source: Sequence[Path]) -> list[str]:
-    """Line that names the sources whose plants take most of a limit."""
-    dear = [f"{source[k]} ({name}, {100 * share:.4g} %)" for k, name, share in found.limiting_bands[:_NAMED]]
-    return [f"most of a limit is taken by the plants of {', '.join(dear)}"] if dear else []
 
 
 def design_exit(found: ControllerDesign, bands: Sequence[Band] = ()) -> int:

@@ -111,7 +111,8 @@ def _asked(console: Terminal, files: list[Path], stated: _Stated, tables: Tables
     if not files:
         if not stated.is_empty:
             raise InputError("options of data are given without a FILE: name it, or leave them out")
-        folder = _demo(console)
+        folder = written_files.new_folder(Path("robustid-demo"))
+        _measurements(console, folder)
         frequency, record = ResponseSource(file="frequency.csv"), RecordSource(file="step.csv", use="samples")
         return RunFile(frequency=(frequency,), record=(record,)), folder, "robustid demo"
     if runs := [one for one in files if one.suffix == ".toml"]:
@@ -162,13 +163,6 @@ def _tuned(file: Path, stated: _Stated, progress: Progress) -> Tuning:
             f" robustid report {file} shows it"
         )
     return Tuning.of(load_result(file, "controller design", progress=progress))
-
-
-def _demo(console: Terminal) -> Path:
-    """The measurements of the demo, in a new folder."""
-    folder = written_files.new_folder(Path("robustid-demo"))
-    _measurements(console, folder)
-    return folder
 
 
 def _opened(console: Terminal, address: str, browser: bool) -> None:

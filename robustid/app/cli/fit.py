@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from robustid.app.cli.terminal import Terminal
     from robustid.core import Options, Real
     from robustid.data import FrequencyResponse
-    from robustid.fitting import MatrixFraction, OrderSweep, RollOff, Weight
+    from robustid.fitting import MatrixFraction, OrderSweep, Weight
     from robustid.report import Parts
 
 _WIDTH = 56  # characters of the frequency axis
@@ -91,6 +91,7 @@ def fit(
     """
     from robustid.app.cli.measured_files import Files
     from robustid.app.run.undoing import again, in_command, placed_faults
+    from robustid.fitting import RollOff
     from robustid.formats import save_model
     from robustid.report import first_screen, render_report, verdict
 
@@ -100,7 +101,9 @@ def fit(
     written_files.check_outputs([*model_files, report], [source], force)
     console = screen.console(stderr=as_json, verbose=verbose)
     (frf,) = asked_files.read(console)
-    asked: Options = {"form": form, "domain": domain, "method": method} | _constraints(roll_off)
+    asked: Options = {"form": form, "domain": domain, "method": method} | {
+        "constraints": (RollOff(roll_off),) if roll_off else ()
+    }
     words = {"degree": "--roll-off", "orders": "--order", "covariance": "the covariance in the file"}
     words |= {"frf": source.name, "values": source.name}
     with in_words(words_of(fit, **words)):
@@ -176,13 +179,6 @@ def _next(source: Path, frf: FrequencyResponse, model: Path, called: list[str]) 
     proved = written_files.free(name.with_name(f"{name.name}-proved"), ".npz", ".json", ".html")
     proof = ["identify", "--frequency", source, *read, "-o", proved, "--report", f"{proved}.html"]
     return [Next("a proof, and a bound of the error, which least squares do not give", proof)]
-
-
-def _constraints(roll_off: int | None) -> dict[str, tuple[RollOff, ...]]:
-    """Constraints that the fit keeps."""
-    from robustid.fitting import RollOff
-
-    return {"constraints": (RollOff(roll_off),) if roll_off else ()}
 
 
 def _weight(source: Path, frf: FrequencyResponse, relative: bool | None) -> dict[str, Weight]:

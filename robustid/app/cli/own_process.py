@@ -151,7 +151,7 @@ class _Watch:
         interrupted = 0
         sources = [self._of_steps, self._signals]
         while not os.waitid(os.P_PID, self._child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
-            ready, _, _ = select.select(sources, [], [], self._wait())
+            ready, _, _ = select.select(sources, [], [], 0.05 if self._asked is not None else 0.25)
             if self._of_steps in ready and not self._read():
                 sources.remove(self._of_steps)
             for number in os.read(self._signals, 64) if self._signals in ready else b"":
@@ -169,9 +169,6 @@ class _Watch:
                 signal.signal(-code, signal.SIG_DFL)
             os.kill(os.getpid(), -code)
         os._exit(code if code >= 0 else 128 - code)
-
-    def _wait(self) -> float:
-        return 0.05 if self._asked is not None else 0.25
 
     def _read(self) -> bool:
         """Take the messages; False at their end."""

@@ -68,7 +68,8 @@ def reduce(
     Exit codes: 0 reduced, or nothing to reduce; 1 the smaller model is unstable, or the identification is not verified (it is
     written all the same); 2 misuse, 70 an error of the program, 130 interrupted.
     """
-    from robustid.app.load_save import save
+    from robustid.app.load_save import load_result, save
+    from robustid.core import paths, result_in
     from robustid.formats import load_model
     from robustid.reduction import ReductionStatus
 
@@ -80,7 +81,8 @@ def reduce(
     if weight is not None:
         asked["weight"] = load_model(weight)
     console = screen.console(stderr=as_json, verbose=verbose)
-    identification = _load_identification(source)
+    # A file without a result is a plain model.
+    identification = load_result(source, "identification") if paths(result_in(source))[1].exists() else None
     with in_words(words_of(reduce, unstable="--keep-unstable", model="the model")):
         if identification is None:
             asked["unstable"] = "keep" if keep_unstable else "refuse"
@@ -89,7 +91,11 @@ def reduce(
             reduction = _within_bounds(console, identification, time_limit)
         else:
             reduction = _truncated(console, identification.model, asked | {"unstable": "keep"})
-            _say_margin(console, identification, reduction)
+            from robustid.identification import largest_ratio
+
+            margin = largest_ratio(identification.problem, reduction.model)
+            verdict = "all samples inside" if margin <= 1 else "outside somewhere"
+            screen.say(console, f"largest |residual|/bound {margin:.4g}: {verdict}")
     save(output, reduction.model)
     screen.say(console, screen.written_words([output]))
     unverified = identification is not None and not identification.verification.passed
@@ -162,19 +168,3 @@ def _truncated(console: Terminal, model: control.StateSpace, asked: Options) -> 
         where = "at infinite frequency" if np.isinf(error.omega) else f"at {hz_words(error.omega / (2 * np.pi), 4)}"
         screen.say(console, f"largest error over all frequencies: {error.value:.6g}, {where}")
     return reduction
-
-
-def _say_margin(console: Terminal, identification: Identification, reduction: Reduction) -> None:
-    from robustid.identification import largest_ratio
-
-    margin = largest_ratio(identification.problem, reduction.model)
-    verdict = "all samples inside" if margin <= 1 else "outside somewhere"
-    screen.say(console, f"largest |residual|/bound {margin:.4g}: {verdict}")
-
-
-def _load_identification(path: Path) -> Identification | None:
-    """The saved identification at `path`; None where the file is a plain model."""
-    from robustid.app.load_save import load_result
-    from robustid.core import paths, result_in
-
-    return load_result(path, "identification") if paths(result_in(path))[1].exists() else None

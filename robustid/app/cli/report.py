@@ -12,7 +12,7 @@ from robustid.app.cli import screen, written_files
 from robustid.app.cli.command_options import Force, Static, Verbose
 from robustid.app.cli.control import design_exit
 from robustid.app.cli.identify import everything, next_of, smallest
-from robustid.app.cli.screen import Next, in_words, say, telling
+from robustid.app.cli.screen import in_words, say, telling
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,7 +77,12 @@ def report(
     if independent:
         checker()
     with telling(console) as progress:
-        result = _loaded(source, progress)
+        from robustid.app.load_save import load, load_result
+        from robustid.core import saved_kind
+
+        result = (
+            load(source) if saved_kind(source) is None and source.is_file() else load_result(source, progress=progress)
+        )
         page = _Page(console, progress, source, output, title, static, independent)
         if isinstance(result, ControllerDesign):
             _of_identifications({"--bounds": bool(bounds), "--step": steps is not None, "--no-reduce": not reduce})
@@ -151,7 +156,11 @@ class _Page(NamedTuple):
         work.around.say("verifying every certificate")
         self._written(result, {**work.parts, **shown})
         head = self._head(result, {**work.parts, "independent": asked})
-        after = _next(work, self.source)
+        after = (
+            next_of(work, self.source, [])
+            if work.error is None and work.band is None and work.over_poles is None
+            else [smallest(self.source)]
+        )
         screen.conclude(self.console, head, lambda: everything(work), written=[self.output], steps=after)
         return _with(asked, screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
 
@@ -164,13 +173,6 @@ class _Page(NamedTuple):
         from robustid.report import first_screen
 
         return first_screen(result, **parts)
-
-
-def _next(work: Work, source: Path) -> list[Next | str] | None:
-    """Steps to go on with; where the error is bounded already, the smallest model."""
-    if work.error is None and work.band is None and work.over_poles is None:
-        return next_of(work, source, [])
-    return [smallest(source)]
 
 
 def _asked(console: Terminal, independent: bool, named: Mapping[str, object]) -> dict[str, bool] | None:
@@ -199,16 +201,6 @@ def _proofs(work: Work) -> dict[str, object]:
 def _with(asked: Mapping[str, bool] | None, code: int) -> int:
     """Exit code of a report: 1 where another program proves less."""
     return code if all((asked or {}).values()) else 1
-
-
-def _loaded(source: Path, progress: Progress) -> Any:
-    """The saved result, or whatever else a file holds."""
-    from robustid.app.load_save import load, load_result
-    from robustid.core import saved_kind
-
-    if saved_kind(source) is None and source.is_file():
-        return load(source)
-    return load_result(source, progress=progress)
 
 
 def _other(result: object, source: Path, options: dict[str, object]) -> None:

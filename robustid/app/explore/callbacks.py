@@ -1,23 +1,30 @@
-"""The reactions of the page: fields that are changed, a picture that is drawn on, a computation that goes on."""
+"""The reactions of the page: fields that are changed, modes that are added, choices that are kept, a computation that goes on."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from robustid.app.explore.history import History, connect_history
-from robustid.app.explore.kept import compared, connect_kept
-from robustid.app.explore.modes import connect_modes
-from robustid.app.explore.quantities import choice_of, quantities
+from robustid.app.explore.layout import table
+from robustid.app.explore.quantities import LIGHT, choice_of, mode_names, quantities
 from robustid.app.explore.session import ByHand, Session, toggled
 from robustid.app.explore.worker import BAND, Computed, Worker
 from robustid.core import atomic_write
 from robustid.errors import InputError, RobustIdError
-from robustid.report import live_figure, live_words, look_figure, look_words
+from robustid.identification import Identification
+from robustid.report import live_figure, live_numbers, live_words, look_figure, look_words
+
+if TYPE_CHECKING:
+    from dash.development.base_component import Component
 
 # An `app` is a Dash, whose callbacks have no types.
 _WAITING = "This choice is being looked at; what is drawn is of the one before."
 _MODE = {"color": "#a8447d", "width": 4, "dash": "dot"}
+_DIGITS = 6  # of a field
 
 
 def connect(app: Any, session: Session, worker: Worker, history: History) -> None:
@@ -197,3 +204,101 @@ def write_run_file(session: Session, choice: ByHand, name: str) -> Path:
     with atomic_write(path) as file:
         file.write(text)
     return path
+
+
+def choice_rows(session: Session, found: Computed) -> list[tuple[str, str]]:
+    """Names and values of a choice, and of what follows from it; these are empty until they are known."""
+    choice, identification = found.choice, found.identification
+    if choice is None:
+        return []
+    modes = ", ".join(f"{hz:.6g} ({damping:.3g})" for hz, damping in zip(choice.hz, choice.damping, strict=True))
+    return [
+        ("modes [Hz] (damping)", modes or "none"),
+        ("gain bound K", f"{choice.gain_bound:.6g}"),
+        ("decay α [1/s]" if session.continuous else "decay rate ρ", f"{choice.rate:.6g}"),
+        ("lines left out [Hz]", session.words(choice.left_out_hz) or "none"),
+        *([] if identification is None else live_numbers(identification, found.band)),
+    ]
+
+
+def compared(session: Session, kept: Computed | None, found: Computed) -> list[Component]:
+    """The table of the choice that is kept and of the newest one; nothing where none is kept."""
+    if kept is None:
+        return []
+    now = dict(choice_rows(session, found))
+    rows = [((name, was, now.get(name, "")), "") for name, was in choice_rows(session, kept)]
+    return [table(("", "kept", "now"), rows)]
+
+
+def connect_kept(app: Any, worker: Worker) -> None:
+    """Make the buttons of a Dash application react that keep the present choice, and forget it."""
+    from dash import Input, Output, ctx
+
+    @app.callback(
+        Output("trouble", "children", allow_duplicate=True),
+        *(Input("keep", "n_clicks"), Input("forget", "n_clicks")),
+        prevent_initial_call=True,
+    )
+    def pressed(*_: object) -> str:
+        try:
+            worker.keep() if str(ctx.triggered_id) == "keep" else worker.forget()  # type: ignore[reportUnknownMemberType]
+        except RobustIdError as error:
+            return error.said({}, unknown=str)
+        return ""
+
+
+def most_missed_hz(identification: Identification) -> float:
+    """Frequency in Hz of the frequency point where the residual of the nominal model, against its bound, is largest."""
+    found = [one for one in identification.residuals if one.kind == "frequency"]
+    worst = max(found, key=lambda one: float(one.ratio.max()))
+    return float(f"{worst.axis[int(np.argmax(worst.ratio))] / (2 * np.pi):.{_DIGITS}g}")
+
+
+def added(identification: Identification | None, count: int, fields: Sequence[object]) -> list[object]:
+    """The number of modes and their fields, with another mode where the nominal model misses the data most.
+
+    InputError: the nominal model is not there yet.
+    """
+    if identification is None:
+        raise InputError("A mode is added where the nominal model misses the data most: wait for the margin")
+    pair = [most_missed_hz(identification), LIGHT]
+    return [count + 1, *fields[: 2 * count], *pair, *fields[2 * count + 2 :]]
+
+
+def removed(place: int, count: int, fields: Sequence[object]) -> list[object]:
+    """The number of modes and their fields, without one of them; later ones move up."""
+    at = 2 * place
+    return [count - 1, *fields[:at], *fields[at + 2 :], *fields[at : at + 2]]
+
+
+def connect_modes(app: Any, session: Session, worker: Worker) -> None:
+    """Make the buttons of a Dash application that add and remove modes react, and hide fields of modes that are not there."""
+    from dash import Input, Output, State, ctx, no_update
+
+    names = mode_names(session)
+    room = len(names) // 2
+
+    @app.callback(
+        *[Output(f"mode-{k}", "hidden") for k in range(room)], Output("add", "disabled"), Input("modes", "data")
+    )
+    def counted(count: int) -> list[bool]:
+        return [*(k >= count for k in range(room)), count == room]
+
+    @app.callback(
+        *(Output("modes", "data", allow_duplicate=True), Output("trouble", "children", allow_duplicate=True)),
+        *[Output(name, "value", allow_duplicate=True) for name in names],
+        *(Input("add", "n_clicks"), *[Input(f"remove-{k}", "n_clicks") for k in range(room)]),
+        *(State("modes", "data"), *[State(name, "value") for name in names]),
+        prevent_initial_call=True,
+    )
+    def changed(*values: Any) -> list[object]:
+        count, *fields = values[room + 1 :]
+        pressed = str(ctx.triggered_id)  # type: ignore[reportUnknownMemberType]
+        try:
+            if pressed == "add":
+                count, *fields = added(worker.found.identification, count, fields)
+            else:
+                count, *fields = removed(int(pressed.rpartition("-")[2]), count, fields)
+        except RobustIdError as error:
+            return [no_update, error.said({}, unknown=str), *[no_update] * len(names)]
+        return [count, "", *fields]

@@ -59,10 +59,7 @@ class Tuning(Frozen):
     def of(cls, design: ControllerDesign) -> Tuning:
         """The design with its controller in sections.
 
-        Raises
-        ------
-        InputError
-            No controller was found, or one of several inputs or outputs.
+        InputError: no controller was found, or one of several inputs or outputs.
         """
         if design.controller is None:
             raise InputError(

@@ -59,10 +59,8 @@ class Family:
     def _whole(self, page: Page, stated: RunFile) -> RunFile:
         """The run file of all members, from that of a page: the poles of each, and the smallest class that holds those of all.
 
-        Raises
-        ------
-        InputError
-            A member that the run file states no poles of was not opened; the pages differ in the number of modes, or in lines.
+        InputError: a member that the run file states no poles of was not opened; the pages differ in the number of modes,
+        or in lines.
         """
         own, entry = page
         runs = {one.name: self._stated[key] for one in self._run.members if (key := (one.name, entry)) in self._stated}

@@ -86,10 +86,7 @@ class Worker(Newest[Computed, ByHand]):
     def keep(self) -> None:
         """Remember the present choice, to be compared with those that follow.
 
-        Raises
-        ------
-        InputError
-            Its margin is not there yet.
+        InputError: its margin is not there yet.
         """
         with self._asked:
             if self.found.identification is None:

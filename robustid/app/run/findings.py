@@ -70,7 +70,11 @@ def sentences(work: Work) -> tuple[str, ...]:
     if work.band is not None and not looped:
         found.append(band_words(work.band, work.error, work.withheld))
     if work.wider is not None:
-        found.append(wider_words(work.wider.factor, work.wider.band.with_model(work.model)))
+        found.append(
+            f"No guarantee, but what would be one if every bound were {work.wider.factor:.4g} times as large (10 % more than this"
+            f" class needs)."
+            f" {band_words(work.wider.band.with_model(work.model), None)}"
+        )
     if said is not None and not said.empty:
         found.append(said.summary())
     found.append(sample_words(result, small.model, small.order))
@@ -171,14 +175,6 @@ def band_words(band: Band, error: WorstCaseError | None, withheld: Coverage | No
         f" {band.relative.words}).{_not_of_the_machine(withheld)}"
         f" {stands_on(band, error)} {band.unfinished}"
     ).rstrip()
-
-
-def wider_words(factor: float, band: Band) -> str:
-    """Sentences on what would be proved with wider bounds, of data that are not consistent as they are."""
-    return (
-        f"No guarantee, but what would be one if every bound were {factor:.4g} times as large (10 % more than this class needs)."
-        f" {band_words(band, None)}"
-    )
 
 
 def box_words(band: WorstCaseOverPoles) -> str:

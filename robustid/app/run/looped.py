@@ -49,16 +49,11 @@ def loop_of(
 
 def _controller(choice: LoopChoice, folder: Path, dt: float) -> control.StateSpace:
     if choice.controller is not None:
-        return _controller_in(choice.controller, folder, dt)
+        place = "[loop] controller"
+        return controller_in(_found(choice.controller, folder, place), dt, place)
     import control
 
     return control.ss(control.tf(list(choice.numerator or ()), list(choice.denominator or ()), dt))
-
-
-def _controller_in(name: str, folder: Path, dt: float) -> control.StateSpace:
-    """The controller in a file that holds a model, or the response of one."""
-    place = "[loop] controller"
-    return controller_in(_found(name, folder, place), dt, place)
 
 
 def _model(name: str, folder: Path, place: str) -> control.StateSpace:

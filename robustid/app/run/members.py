@@ -58,7 +58,9 @@ def run_members(run: RunFile, place: Path, around: Surroundings, undo: Undo) -> 
     left: dict[str, Untouched] = {}
     for name, mine in data.items():
         run, problems[name], left[name] = without_class(run, mine, modes_of(run, name))
-    run = _one_inflation(run, problems, around)
+    # The largest factor on the bounds that a member needs.
+    asked = [with_inflation(run, problem, around) for problem in problems.values()]
+    run = max(asked, key=lambda one: float(one.identify.inflate))
     problems = {name: inflated_problem(problem, run) for name, problem in problems.items()}
     run, prior = _one_prior(run, problems, around)
     around.folder.choices(run)
@@ -99,12 +101,6 @@ def _poles(run: RunFile, name: str) -> Record:
     """The keys of the poles of a member."""
     modes = modes_of(run, name)
     return {key: getattr(modes, key) for key in POLES}
-
-
-def _one_inflation(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> RunFile:
-    """The largest factor on the bounds that a member needs."""
-    asked = [with_inflation(run, problem, around) for problem in problems.values()]
-    return max(asked, key=lambda one: float(one.identify.inflate))
 
 
 def _one_prior(run: RunFile, problems: dict[str, MixedProblem], around: Surroundings) -> tuple[RunFile, Prior]:

@@ -181,7 +181,12 @@ def _pairs(intervals: np.ndarray) -> tuple[tuple[float, float], ...]:
 def basis_of(modes: Modes, dt: float, passive: str | None = None) -> ParametricBasis | None:
     """The Kautz pairs and integrators that the run file states, or the modes beside a passive class; None for none."""
     if passive and (modes.hz or modes.integrators):
-        return _passive_basis(modes, dt, passive)
+        if passive != POSITIVE_REAL or dt:
+            what = "is of continuous time" if passive == POSITIVE_REAL else f'is "{POSITIVE_REAL}", of continuous time'
+            raise InputError(f"modes have a place beside a passive class only where it {what}; leave them out")
+        if modes.integrators:
+            raise InputError("integrators have no place beside a passive class: its plants are stable; leave them out")
+        return passive_modes(2 * np.pi * np.array(modes.hz), np.array(modes.damping))
     parts = [integrators(modes.integrators, dt=dt)] if modes.integrators else []
     if modes.hz:
         omega = 2 * np.pi * np.array(modes.hz)
@@ -218,16 +223,6 @@ def _pair(row: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         raise InputTypeError(f"`modes` must hold pairs (Hz, damping); got {row!r}") from None
     return hz, damping
-
-
-def _passive_basis(modes: Modes, dt: float, kind: str) -> ParametricBasis:
-    """The modes that are stated beside a passive class; refused of one that takes none."""
-    if kind != POSITIVE_REAL or dt:
-        what = "is of continuous time" if kind == POSITIVE_REAL else f'is "{POSITIVE_REAL}", of continuous time'
-        raise InputError(f"modes have a place beside a passive class only where it {what}; leave them out")
-    if modes.integrators:
-        raise InputError("integrators have no place beside a passive class: its plants are stable; leave them out")
-    return passive_modes(2 * np.pi * np.array(modes.hz), np.array(modes.damping))
 
 
 def _relaxations(frequency: Sequence[FrequencyResponse], kind: str, decay: float | None) -> KautzSuggestion | None:

@@ -262,7 +262,8 @@ def _result(
     """The result of a run file, of one plant or of members; its folder is opened once the data are read."""
     moved = asked.moved(path.parent, folder)
     before = kept.asked(moved)
-    again = command_line(_called(path, folder, kept, around))
+    workers = ["--workers", str(around.executor)] if isinstance(around.executor, int) else []
+    again = command_line(["run", str(path), "-o", str(folder), *workers, *["--static"] * kept.static, "--force"])
     if asked.members:
         kept.open(force)
         undo = functools.partial(in_run_file_of_member, asked, str(path), again)
@@ -277,12 +278,6 @@ def _result(
         found = from_data(stated.moved(place, folder), data, around)
     undoing = in_run_file(asked, str(path), again, data, found.identification.problem.placed_faults)
     return dataclasses.replace(found, undoing=undoing)
-
-
-def _called(path: Path, folder: Path, kept: RunFolder, around: Surroundings) -> list[str]:
-    """Arguments of the command that runs a run file into the same folder again."""
-    workers = ["--workers", str(around.executor)] if isinstance(around.executor, int) else []
-    return ["run", str(path), "-o", str(folder), *workers, *["--static"] * kept.static, "--force"]
 
 
 def _check_folder(path: Path, folder: Path, resume: bool, force: bool) -> None:

@@ -298,25 +298,21 @@ def read_run_file(
     if not is_table(source):
         raise InputTypeError(f"{place} must be a path or a table of sections; got {type(source).__name__}")
     try:
-        run = _run_file(source)
+        plain = {field.name: option.check for field, option in options(RunFile)}
+        refuse_unknown(source, [*plain, *LISTS, *SECTIONS], "the file")
+        parts: Record = {name: plain[name](name, source[name]) for name in plain if name in source}
+        for name, kind in LISTS.items():
+            items = source.get(name, [])
+            if not is_array(items):
+                raise InputTypeError(f"{name} must be written [[{name}]], once for each")
+            parts[name] = tuple(section(kind, item, f"[[{name}]] {k + 1}:") for k, item in enumerate(items))
+        parts |= {name: section(kind, source[name], f"[{name}]") for name, kind in SECTIONS.items() if name in source}
+        run = _without_digests(RunFile(**parts))
         if sources:
             _check_sources(run)
     except (InputError, InputTypeError) as error:
         raise type(error)(f"{place}: {error}") from None
     return run
-
-
-def _run_file(content: Mapping[str, object]) -> RunFile:
-    plain = {field.name: option.check for field, option in options(RunFile)}
-    refuse_unknown(content, [*plain, *LISTS, *SECTIONS], "the file")
-    parts: Record = {name: plain[name](name, content[name]) for name in plain if name in content}
-    for name, kind in LISTS.items():
-        items = content.get(name, [])
-        if not is_array(items):
-            raise InputTypeError(f"{name} must be written [[{name}]], once for each")
-        parts[name] = tuple(section(kind, item, f"[[{name}]] {k + 1}:") for k, item in enumerate(items))
-    parts |= {name: section(kind, content[name], f"[{name}]") for name, kind in SECTIONS.items() if name in content}
-    return _without_digests(RunFile(**parts))
 
 
 def _check_members(run: RunFile) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import json
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,15 +32,7 @@ _FAILED = ("refused", "stopped", "broken")
 
 
 class Tools:
-    """The tools of one folder; one call at a time, each with a time limit.
-
-    Parameters
-    ----------
-    folder : Path
-        Of all files.
-    limit : float
-        Seconds of a call.
-    """
+    """The tools of one folder; one call at a time, each with a time limit."""
 
     def __init__(self, folder: Path, limit: float) -> None:
         import anyio
@@ -106,7 +97,8 @@ class Tools:
         except EOFError:
             return ended(words[0], "broken", "its process ended without an answer: too little memory, perhaps", BUG)
         finally:
-            _end(process)
+            process.kill()
+            process.join()
 
 
 def _bare(found: Any) -> Any:
@@ -114,11 +106,6 @@ def _bare(found: Any) -> Any:
     if is_table(found):
         return {name: _bare(one) for name, one in found.items() if name != "description"}
     return [_bare(one) for one in found] if is_array(found) else found
-
-
-def _end(process: BaseProcess) -> None:
-    process.kill()
-    process.join()
 
 
 def serve(folder: Path, limit: float) -> None:

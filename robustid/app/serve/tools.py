@@ -90,14 +90,15 @@ class Tool(NamedTuple):
     def words(self, given: Mapping[str, Any], folder: Path, limit: float) -> list[str]:
         """The command with these arguments: its words.
 
-        Raises
-        ------
-        InputError, InputTypeError
-            An unknown argument, a missing one, one of another kind, a path outside of the folder.
+        InputError, InputTypeError: an unknown argument, a missing one, one of another kind, a path outside of the folder.
         """
         known = self.arguments
         for name in given:
-            _refuse_unknown(name, known, self.name)
+            try:
+                refuse_unknown([name], known, f"the tool {self.name}", "argument")
+            except InputError as error:
+                error.argument = name
+                raise
         for name, one in known.items():
             if one.required and name not in given:
                 raise InputError(f"{name} is missing: {one.help}", argument=name)
@@ -115,25 +116,13 @@ class Tool(NamedTuple):
                 for item in items:
                     _check_place(name, item, folder)
             if one.kind is bool:
-                options += _flag(one, bool(value))
+                yes, _, no = one.option.partition("/")
+                options += [yes] if bool(value) else [no] * bool(no)
             elif one.option:
                 options += [f"{one.option}={item}" for item in items]
             else:
                 placed += items
         return [self.command.__name__, *options, *self.fixed, "--json", "--", *placed]
-
-
-def _refuse_unknown(name: str, known: Mapping[str, Argument], tool: str) -> None:
-    try:
-        refuse_unknown([name], known, f"the tool {tool}", "argument")
-    except InputError as error:
-        error.argument = name
-        raise
-
-
-def _flag(one: Argument, value: bool) -> list[str]:
-    yes, _, no = one.option.partition("/")
-    return [yes] if value else [no] * bool(no)
 
 
 def _check_place(name: str, value: str, folder: Path) -> None:

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, StateMatrices, as_array, as_state_space, response_at
+from robustid.core import Budget, StateMatrices, as_array, as_state_space, real_rows, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.fraction_forms import fitted, states_of_poles
 from robustid.fitting.fraction.fraction_iteration import fit_fraction
 from robustid.fitting.fraction.fraction_model import FractionModel, realise
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.rigid_body import RigidBody
-from robustid.fitting.state_space.given_poles import Samples, diagonal_blocks, fit_inputs, fit_outputs, real_rows
+from robustid.fitting.state_space.given_poles import Samples, diagonal_blocks, fit_inputs, fit_outputs
 from robustid.fitting.state_space.subspace import subspace_estimate
 
 _SAME_WEIGHT = 30.0  # weights times |P| that differ by less are relative weights but for the antiresonances

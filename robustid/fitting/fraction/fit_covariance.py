@@ -66,15 +66,7 @@ class FitCovariance(Frozen):
     def response_std(self, omega: ArrayLike | None = None) -> np.ndarray:
         """Standard deviation ``sqrt(E|dP|^2)`` of every entry of the response.
 
-        Parameters
-        ----------
-        omega : (F,) array, optional
-            rad/s; default the frequency points of the data.
-
-        Returns
-        -------
-        (F, ny, nu) array
-            In the unit of the response.
+        (F, ny, nu), in the unit of the response, at `omega` in rad/s; default the frequency points of the data.
         """
         problem, model = self.fit.problem, self.fit.fraction
         if omega is None:

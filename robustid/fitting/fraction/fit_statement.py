@@ -79,7 +79,12 @@ def stated(
     if not np.any(weight.apply(frf.values)):
         raise InputError("`frf` is zero wherever it has weight; there is nothing to fit")
     if form == "shared":
-        _check_entries(frf, weight)
+        # Residues of an entry without weight are free, and nothing is known of them.
+        for i, j in np.argwhere(~np.any(weight.entries, axis=0)):
+            raise InputError(
+                f'`weight` is zero for all of the entry from {frf.inputs[j]} to {frf.outputs[i]}, whose residues form "shared"'
+                ' leaves free; take form "right"'
+            )
     problem = problem_of(plain, form)
     if body is not None:
         body.check(problem.values, order, problem.omega)
@@ -97,15 +102,6 @@ def stated(
 def one_weight(frf: FrequencyResponse, form: str | None) -> Weight:
     """The default weight by itself, as it is for fits of all orders, so that their costs can be compared."""
     return default_weight(_filled(frf), ~frf.missing, correlated=form != "shared")
-
-
-def _check_entries(frf: FrequencyResponse, weight: Weight) -> None:
-    """Residues of an entry without weight are free, and nothing is known of them."""
-    for i, j in np.argwhere(~np.any(weight.entries, axis=0)):
-        raise InputError(
-            f'`weight` is zero for all of the entry from {frf.inputs[j]} to {frf.outputs[i]}, whose residues form "shared"'
-            ' leaves free; take form "right"'
-        )
 
 
 def _filled(frf: FrequencyResponse) -> FrequencyResponse:

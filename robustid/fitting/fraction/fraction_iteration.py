@@ -147,33 +147,12 @@ def fit_fraction(
 ) -> FractionFit:
     """Run the phases of a method one after the other, each from the best fraction of the ones before.
 
-    Parameters
-    ----------
-    denominators : (F, nu, nu) complex array, optional
-        Where SK starts; default the identity, or those of `start`.
-    start : NodeFraction, optional
-        A fraction in the form of the problem (from an earlier fit, or `retract`); the result is never worse.
-    method : str
-        "sk", "sk-relaxed", "sk-minimum-norm" (one input), "iv", "gn", "lm" or a sequence of them, such as "sk+lm".
-    steps : int, optional
-        Largest number of steps of each phase; default 20 (SK) or 30.
-    rtol : float, optional
-        Converged when a Gauss-Newton step promises, or a full step brings, a relative fall of the criterion below this.
-        Default 1e-10, or what a step of 0.01 standard deviations of the parameters, all together, would bring.
-    admit : callable, optional
-        Gives a fraction back, or an admissible one in its place (with its poles reflected), or None. Default: all are
-        admissible.
-    report : callable, optional
-        Called after every step.
-
-    Returns
-    -------
-    FractionFit
-
-    Raises
-    ------
-    InputError
-        When a start is singular at a frequency point; on a wrong method; IV with constraints.
+    SK starts at `denominators`, (F, nu, nu), else at those of `start`, a fraction in the form of the problem than which the
+    result is never worse, else at the identity. `method` is "sk", "sk-relaxed", "sk-minimum-norm" (one input), "iv", "gn",
+    "lm" or several, "sk+lm"; each phase takes `steps` at most, by default 20 (SK) or 30. It has converged when a
+    Gauss-Newton step promises, or a full step brings, a relative fall of the criterion below `rtol`: 1e-10, or what a step
+    of 0.01 standard deviations of the parameters, all together, would bring. `admit` gives a fraction back, or an
+    admissible one in its place (its poles reflected), or None.
 
     Examples
     --------

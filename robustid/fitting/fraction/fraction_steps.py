@@ -33,18 +33,8 @@ def sk_step(
     In the basis that these data make orthonormal the solution is the leading term made orthogonal to the free ones;
     linear constraints add the shortest correction that fulfils them.
 
-    Parameters
-    ----------
-    denominators : (F, nu, nu) complex array
-        D_old at the frequency points; any function that is nonsingular there will do.
-    held : Held
-        From the last fraction.
-
-    Returns
-    -------
-    fraction : NodeFraction
-    condition : float
-        Of the normal matrix.
+    `denominators` is D_old at the frequency points, (F, nu, nu): any function that is nonsingular there will do; `held` is
+    that of the last fraction. Second comes the condition number of the normal matrix.
     """
     basis = problem.basis(denominators, problem.values)
     terms = _constrained(problem, held, [basis], [basis.monic(problem.leading)[:3]])
@@ -134,19 +124,9 @@ def retract(
     SK with the response in place of the data: exact data are reproduced in about two steps from any start, and what is
     off by e comes back with an error of the order of e.
 
-    Parameters
-    ----------
-    response : (F, ny, nu) complex array
-    denominators : (F, nu, nu) complex array
-        Start.
-    held : Held
-        From the last fraction; the rigid-body directions stay.
-    steps, columnwise : int
-        Numbers of full steps, and of steps column by column (`column_step`) before them.
-    settled : float
-        A step that leaves more than this part of the squared error is the last of its kind.
-    enough : float
-        No further step is taken below so many times the squared error that counts as reproduced.
+    From `denominators` (F, nu, nu) on, with the rigid-body directions of the last fraction `held`: `columnwise` steps
+    column by column (`column_step`), then full `steps`. One that leaves more than the part `settled` of the squared error
+    is the last of its kind, and none is taken below `enough` times the squared error that counts as reproduced.
     """
     target = dataclasses.replace(problem, values=response)
     best, error = None, np.inf

@@ -23,19 +23,12 @@ NOTHING_HELD = Held()
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class NodeFraction(Frozen):
-    """A right fraction P = N D^{-1} by its values at the frequency points.
+    """A right fraction P = N D^{-1} by its values at the frequency points."""
 
-    Attributes
-    ----------
-    denominators : (F, nu, nu) complex array
-    numerators : (F, ny, nu) complex array
-    anchor : (2, nu + ny, nu) real array or None
-        [D; N] and its derivative at the rigid-body pole, where rigid-body modes are asked for.
-    held : Held
-    """
-
-    denominators: np.ndarray
-    numerators: np.ndarray
+    denominators: np.ndarray  # (F, nu, nu)
+    numerators: np.ndarray  # (F, ny, nu)
+    # (2, nu + ny, nu) real or None; [D; N] and its derivative at the rigid-body pole, where rigid-body modes are
+    # asked for
     anchor: np.ndarray | None = None
     held: Held = NOTHING_HELD
 

@@ -32,17 +32,6 @@ def polynomial_nodes(omega: np.ndarray, dt: float | None) -> tuple[np.ndarray, f
 
     In continuous time |xi| <= 1 and `scale` is a power of two, so that powers of xi neither overflow nor round.
 
-    Parameters
-    ----------
-    omega : (F,) array, rad/s
-    dt : float or None
-        Sample time in s; None for continuous time.
-
-    Returns
-    -------
-    xi : (F,) complex array
-    scale : float, rad/s in continuous time
-
     Examples
     --------
     >>> polynomial_nodes(np.array([1.0, 6.0]), None)
@@ -86,7 +75,11 @@ class VectorPolynomials(Frozen):
     @cached_property
     def condition(self) -> float:
         """Measured condition number of the normal matrix (without null columns)."""
-        return _condition(self.values[:, ~self.null] if self.null.any() else self.values)
+        values = self.values[:, ~self.null] if self.null.any() else self.values
+        if not values.shape[1]:
+            return 1.0
+        eigenvalues = scipy.linalg.eigvalsh(syrk(1.0, values, trans=1), lower=False)
+        return float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0 else np.inf
 
     @property
     def size(self) -> int:
@@ -217,23 +210,8 @@ def orthonormal_polynomials(columns: np.ndarray, xi: np.ndarray, limits: np.ndar
     Multiplication by xi is skew (s = j omega) or orthogonal (z = exp(j omega T)) in the real inner product, so that
     the process is a block Lanczos or Arnoldi; every block is orthogonalised twice.
 
-    Parameters
-    ----------
-    columns : (F, r, b) complex array
-        M_k, such as ``W(k) (D^{-T} kron [P_o -I])``: what the data see of each component.
-    xi : (F,) complex array
-        Nodes from `polynomial_nodes`.
-    limits : (b,) int array
-        Largest degree per component; -1 leaves it out.
-
-    Returns
-    -------
-    VectorPolynomials
-
-    Raises
-    ------
-    InputError
-        When there are fewer real equations than coefficients.
+    `columns` (F, r, b) are M_k, such as ``W(k) (D^{-T} kron [P_o -I])``: what the data see of each component at the nodes
+    `xi`; `limits` (b,) its largest degree, -1 leaves it out. InputError: fewer real equations than coefficients.
 
     Examples
     --------
@@ -297,13 +275,6 @@ def _append(values: np.ndarray, block: np.ndarray, start: int, local: int) -> tu
     values[:, start : start + count] = 0.0
     values[:, start + kept] = second
     return G, ~keep
-
-
-def _condition(values: np.ndarray) -> float:
-    if not values.shape[1]:
-        return 1.0
-    eigenvalues = scipy.linalg.eigvalsh(syrk(1.0, values, trans=1), lower=False)
-    return float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0 else np.inf
 
 
 def _real_times(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -27,32 +27,19 @@ _LARGEST_PROJECTOR = 1e5
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ModalForm(Frozen):
-    """A model in real block-diagonal form, and how well it could be brought there.
+    """A model in real block-diagonal form, and how well it could be brought there."""
 
-    Attributes
-    ----------
-    model : control.StateSpace
-        Same response, dt and signals. Blocks of A: ``[[a, b], [-b, a]]`` for a pair a ± jb, 1x1 for a real pole; poles
-        too close to be told apart share a larger block (quasi-triangular).
-    blocks : tuple of slice
-        States of each block, by distance of the poles from the rigid-body pole.
-    rigid : int
-        Number of states of the rigid body, in the first block: ``[[0, I, 0], [0, 0, 0], [0, 0, 0]]`` plus I times the
-        rigid-body pole (0 in s, 1 in z), exactly: chains of two integrators, then single integrators.
-    transformation : (n, n) array
-        T of ``x = T x_modal``; the columns of a block span its invariant subspace.
-    condition : float
-        ``|T| |T^{-1}|`` (spectral norms).
-    error : float
-        Largest difference from the response of the model given, relative to its norm at that frequency, on a grid that
-        holds all resonances.
-    """
-
+    # same response, dt and signals. Blocks of A: ``[[a, b], [-b, a]]`` for a pair a ± jb, 1x1 for a real pole; poles
+    # too close to be told apart share a larger block (quasi-triangular)
     model: control.StateSpace
-    blocks: tuple[slice, ...]
+    blocks: tuple[slice, ...]  # states of each block, by distance of the poles from the rigid-body pole
+    # number of states of the rigid body, in the first block: ``[[0, I, 0], [0, 0, 0], [0, 0, 0]]`` plus I times the
+    # rigid-body pole (0 in s, 1 in z), exactly: chains of two integrators, then single integrators
     rigid: int
-    transformation: np.ndarray
-    condition: float
+    transformation: np.ndarray  # (n, n); T of ``x = T x_modal``; the columns of a block span its invariant subspace
+    condition: float  # ``|T| |T^{-1}|`` (spectral norms)
+    # largest difference from the response of the model given, relative to its norm at that frequency, on a grid that
+    # holds all resonances
     error: float
 
     def __post_init__(self) -> None:
@@ -101,20 +88,24 @@ def modal_form(model: control.StateSpace) -> ModalForm:
     if not len(A):
         return ModalForm(system, (), 0, np.zeros((0, 0)), 1.0, 0.0)
     with threads_for(len(A)):
-        return _in_blocks(system, A, B, C, origin)
+        parts, rigid, poles = modal_parts(A, origin)
+        right, left = np.hstack([part.right for part in parts]), np.vstack([part.left for part in parts])
+        ends = np.cumsum([0, *(len(part.block) for part in parts)])
+        blocks = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
+        import control
 
-
-def _in_blocks(system: control.StateSpace, A: np.ndarray, B: np.ndarray, C: np.ndarray, origin: float) -> ModalForm:
-    parts, rigid, poles = modal_parts(A, origin)
-    right, left = np.hstack([part.right for part in parts]), np.vstack([part.left for part in parts])
-    ends = np.cumsum([0, *(len(part.block) for part in parts)])
-    blocks = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
-    result = _state_space(
-        system, np.asarray(scipy.linalg.block_diag(*(part.block for part in parts))), left @ B, C @ right
-    )
-    condition = float(np.linalg.norm(right, 2) * np.linalg.norm(left, 2))
-    flexible = np.delete(poles, parts[0].members) if rigid else poles
-    return ModalForm(result, blocks, rigid, right, condition, _response_error(system, result, flexible))
+        result = control.ss(
+            np.asarray(scipy.linalg.block_diag(*(part.block for part in parts))),
+            left @ B,
+            C @ right,
+            system.D,
+            system.dt,
+            inputs=system.input_labels,
+            outputs=system.output_labels,
+        )
+        condition = float(np.linalg.norm(right, 2) * np.linalg.norm(left, 2))
+        flexible = np.delete(poles, parts[0].members) if rigid else poles
+        return ModalForm(result, blocks, rigid, right, condition, _response_error(system, result, flexible))
 
 
 def modal_parts(A: np.ndarray, origin: float) -> tuple[list[ModalPart], int, np.ndarray]:
@@ -242,12 +233,6 @@ def _part(T: np.ndarray, Z: np.ndarray, members: np.ndarray) -> ModalPart:
     # [I Y] S = S_11 [I Y] with S_11 Y - Y S_22 = S_12
     Y = scipy.linalg.solve_sylvester(S[:k, :k], -S[k:, k:], S[:k, k:])
     return ModalPart(members, S[:k, :k], Q[:, :k], Q[:, :k].T + Y @ Q[:, k:].T)
-
-
-def _state_space(system: control.StateSpace, A: np.ndarray, B: np.ndarray, C: np.ndarray) -> control.StateSpace:
-    import control
-
-    return control.ss(A, B, C, system.D, system.dt, inputs=system.input_labels, outputs=system.output_labels)
 
 
 def continuous(pole: complex, dt: float) -> complex:

@@ -141,7 +141,9 @@ def mode_table(model: control.StateSpace | MatrixFraction, covariance: FitCovari
                 unit = 1.0 if not dt else 1 / dt**2
                 row = dataclasses.replace(row, shape=outputs[:, :chains], drive=unit * inputs[chains:])
             rows.append(row)
-            peaks.append(np.abs(_slowest(part - pole * np.eye(form.rigid), inputs, outputs)))
+            # Gain of the rigid body at low frequency: of 1/s^2, or of 1/s where there are single integrators only.
+            N = part - pole * np.eye(form.rigid)
+            peaks.append(np.abs(outputs @ N @ inputs if np.any(N) else outputs @ inputs))
             continue
         for pole in schur_poles(part):
             if pole.imag >= 0:
@@ -192,11 +194,6 @@ def _shapes(B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> dict[str, np
     M = residue / (2 * unit**2 * mode_gains(np.array([s * unit]), bool(dt), 0)[0])
     i, j = np.unravel_index(np.argmax(np.abs(M)), M.shape)
     return {"shape": M[:, j] / (M[i, j] or 1.0), "drive": M[i]}
-
-
-def _slowest(N: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Gain of the rigid body at low frequency: of 1/s^2, or of 1/s where there are single integrators only."""
-    return C @ N @ B if np.any(N) else C @ B
 
 
 def _peak(A: np.ndarray, B: np.ndarray, C: np.ndarray, s: complex, dt: float) -> np.ndarray:

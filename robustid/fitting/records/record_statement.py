@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, StateMatrices, as_array
+from robustid.core import Complex, Real, StateMatrices, as_array, real_rows
 from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response, as_records
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
@@ -22,7 +22,7 @@ from robustid.fitting.fraction.default_weight import exact_covariance
 from robustid.fitting.fraction.fit_statement import stated
 from robustid.fitting.fraction.fraction_problem import FractionProblem
 from robustid.fitting.fraction.householder import triangle
-from robustid.fitting.state_space.given_poles import output_rows, real_rows, solution_in_units
+from robustid.fitting.state_space.given_poles import output_rows, solution_in_units
 from robustid.fitting.state_space.projected_outputs import Block, Criterion, Fitted, Outputs
 from robustid.identification import check_model
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import lengths, response_at
+from robustid.core import lengths, real_rows, response_at
 from robustid.fitting.fraction.householder import triangle
 
 # How far inside the stability boundary a reflected pole ends at least, relative to the lowest frequency (or to 1).
@@ -102,8 +102,3 @@ def solution_in_units(equations: np.ndarray) -> np.ndarray:
     """The least-squares solution x of ``A x = b``, from [A b], every unknown in the unit that gives its column length one."""
     size = lengths(equations[:, :-1])
     return solution(equations[:, :-1] / size, equations[:, -1]) / size
-
-
-def real_rows(matrix: np.ndarray) -> np.ndarray:
-    """Real parts over imaginary parts: the real inner product of complex columns."""
-    return np.concatenate([np.real(matrix), np.imag(matrix)])

@@ -109,18 +109,10 @@ def input_priority(model: StateMatrices, states: np.ndarray, step: int) -> tuple
 
 
 class Decoupling(NamedTuple):
-    """Transformations that show the rigid body alone: ``output P input`` has ``I/s^2`` in its first rows and columns.
+    """Transformations that show the rigid body alone: ``output P input`` has ``I/s^2`` in its first rows and columns."""
 
-    Attributes
-    ----------
-    output : (ny, ny) array
-        T_y: the first rows read the rigid-body coordinates, the others do not see them.
-    input : (nu, nu) array
-        T_u: the first columns push one rigid-body mode each, the others none.
-    """
-
-    output: np.ndarray
-    input: np.ndarray
+    output: np.ndarray  # (ny, ny); T_y: the first rows read the rigid-body coordinates, the others do not see them
+    input: np.ndarray  # (nu, nu); T_u: the first columns push one rigid-body mode each, the others none
 
 
 def decoupling(model: StateMatrices, count: int) -> Decoupling:

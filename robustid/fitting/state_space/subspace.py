@@ -8,10 +8,10 @@ import math
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Budget, Frozen, as_array, as_count, as_flag, freeze, one_thread, response_at
+from robustid.core import Budget, Frozen, as_array, as_count, as_flag, freeze, one_thread, real_rows, response_at
 from robustid.errors import InputError
 from robustid.fitting.fraction.householder import triangle
-from robustid.fitting.state_space.given_poles import Samples, band, fit_inputs, real_rows, reflected
+from robustid.fitting.state_space.given_poles import Samples, band, fit_inputs, reflected
 
 # |z| = 1 and Re(s) = 0 hold up to the rounding of exp(1j*omega*dt) and of the caller's own scaling.
 _ON_CURVE = 1e-9
@@ -58,47 +58,20 @@ def subspace_estimate(
     functions of xi). So the rows f_j(xi_k) P(xi_k), freed of the known functions by projection, have the range
     of the generalised observability matrix [C f_1(A); ...; C f_i(A)], and xi f = (combination of f) gives A.
 
-    Parameters
-    ----------
-    frf_values : (F, ny, nu) complex array
-        Samples P(xi_k) plus noise.
-    points : (F,) complex array
-        xi_k = 1j*omega in rad/s (domain "s") or exp(1j*omega*dt) (domain "z"), on any grid, in any order.
-    order : int
-        Number n of states.
-    weight : (F,) or (F, ny, nu) array, optional
-        Multiplies the residual, >= 0 (0: don't use); best the inverse standard deviation of each entry. None: relative
-        to the Frobenius norm at each point, so that modes far below the highest peak count as much.
-    block_rows : int, optional
-        Number i of functions f_j. None: ``max(6*order/ny, order)`` and half of it are tried.
-    feedthrough : bool
-        Whether D may differ from zero. A comes in the variable xi itself, not from an inverse bilinear map, so that
-        D = 0 costs nothing else.
-    domain : {"s", "z"}
-    stable : bool
-        Reflect unstable poles at the stability boundary and fit B and D anew. False: only where that fits better.
-    budget : Budget, optional
-        Of time, after which nothing further is tried.
+    `points` are 1j*omega or exp(1j*omega*dt), on any grid, in any order. `weight`, (F,) or (F, ny, nu), multiplies the
+    residual: best the inverse standard deviation of each entry, by default relative to the Frobenius norm at each point, so
+    that modes far below the highest peak count as much. `block_rows` is the number i of functions f_j; by default
+    ``max(6*order/ny, order)`` and half of it are tried. A comes in the variable xi itself, not from an inverse bilinear
+    map, so that D = 0 costs nothing else. With `stable` unstable poles are reflected at the stability boundary, B and D
+    fitted anew; without, only where that fits better.
 
-    Returns
-    -------
-    SubspaceEstimate
-
-    Raises
-    ------
-    InputError, InputTypeError
-        Wrong shapes, NaN, points off the imaginary axis or the unit circle, negative weights, `order` or `block_rows`
-        larger than the data allow.
-
-    Notes
-    -----
     Assumes noise independent between entries and points with standard deviation ``1/weight``; the estimate is then
     consistent, but not efficient: a start for a maximum-likelihood fit.
 
-    Source: `mckelvey1996`, Algorithm 2 (weighted, non-uniform grid), with z^j replaced by orthonormal rational
-    functions whose poles are spread over the band. One repeated pole is the usual bilinear map; on 20 noisy
-    SISO systems of order 20 its largest error was 2.7e-2, against 7e-3. Four ways of spreading the poles
-    are tried, a heuristic choice, and the smallest residual wins.
+    Source: `mckelvey1996`, Algorithm 2 (weighted, non-uniform grid), with z^j replaced by orthonormal rational functions
+    whose poles are spread over the band. One repeated pole is the usual bilinear map; on 20 noisy SISO systems of order 20
+    its largest error was 2.7e-2, against 7e-3. Four ways of spreading the poles are tried, a heuristic choice, and the
+    smallest residual wins.
 
     Examples
     --------

@@ -155,7 +155,8 @@ def supports(sides: Sides, targets: Targets, points: NDArray[np.intp], c: Comple
         total += (c[:, :, ~own, None] * corners).real.max(axis=3).sum(axis=2)
         total += _CORNERS * (size[:, :, ~own] @ np.abs(corners).max(axis=1))
     missed, terms = missed_of(sides, targets, points, c, turns)
-    total += _of_functions(sides, missed)
+    centre, radius = sides.extraction.known.coefficients(sides.samples)
+    total += (missed @ centre).real + sizes_of(sides, missed) @ radius
     with np.errstate(invalid="ignore"):
         beyond = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, targets.left_out @ known.largest)
     total += beyond[:, None] + class_bound(sides, targets, points, c, turns)
@@ -170,12 +171,6 @@ def missed_of(
     values = sides.values[points]
     missed = turns[:, None] * targets.values[:, None, :] - c @ values
     return missed, np.abs(targets.values)[:, None, :] + np.abs(c) @ np.abs(values)
-
-
-def _of_functions(sides: Sides, missed: Complex) -> Real:
-    """Bounds of Re sum m_i p_i, (B, M)."""
-    centre, radius = sides.extraction.known.coefficients(sides.samples)
-    return (missed @ centre).real + sizes_of(sides, missed) @ radius
 
 
 def sizes_of(sides: Sides, missed: Complex) -> Real:
@@ -314,11 +309,7 @@ class DirectedBand(Frozen):
 
     def at(self, angles: Real) -> tuple[Complex, Real]:
         """Centres and radii of discs around the polygons at angles."""
-        return smallest_discs(self.corners_at(angles))
-
-    def corners_at(self, angles: Real) -> Complex:
-        """Corners of the polygons at angles, (N, M)."""
-        return corners_of_supports(self.supports(angles))
+        return smallest_discs(corners_of_supports(self.supports(angles)))
 
     def errors(self, nominal: Complex, angles: Real, rounding: float) -> KnownErrors:
         """F less nominal values (N, k) at angles, these known up to rounding: bounds and discs (N, k), supports of the first."""

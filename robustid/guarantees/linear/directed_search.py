@@ -224,7 +224,9 @@ class DirectedSearch:
 
         By the hyperbolic distance. Those that are spread over all lines matter to targets beyond them.
         """
-        lines = self._away(base)
+        # by their distance, those behind that do not see the entry
+        z = self.sides.samples.nodes[: self.sides.first_node]
+        lines = np.argsort(np.abs((z - base) / (1 - base.conjugate() * z)) + ~self._seen)
         if lines.size > _POINTS + _FARTHER + _SPREAD:
             others = lines[~np.isin(lines, self._spread)]
             far = np.geomspace(_POINTS, others.size, _FARTHER + 1)[:-1].astype(int)
@@ -246,11 +248,6 @@ class DirectedSearch:
         first = self.sides.first_node
         z = self.sides.samples.nodes[first : self.sides.half]
         return first + np.argsort(np.abs((z - base) / (1 - base.conjugate() * z)))[:_NODES]
-
-    def _away(self, base: complex) -> NDArray[np.intp]:
-        """Numbers of the lines by their distance, those behind that do not see the entry."""
-        z = self.sides.samples.nodes[: self.sides.first_node]
-        return np.argsort(np.abs((z - base) / (1 - base.conjugate() * z)) + ~self._seen)
 
     @functools.cached_property
     def _seen(self) -> NDArray[np.bool_]:

@@ -109,7 +109,14 @@ class ErrorSets(NamedTuple):
         """With polygons by their supports, and smaller discs about these, where they are; rounding included."""
         corners = np.zeros(supports.shape, complex)
         if supports.shape[1]:
-            tight = _tight(supports)
+            # The supports of the polygons themselves, where a side of others cuts one off: by the corners of all pairs.
+            count = supports.shape[1]
+            turn, tight = 2 * np.pi / count, supports
+            for i in range(1, count // 2):
+                for j in range(1, (count - 1) // 2 + 1 - i):
+                    before, after = np.roll(supports, i, axis=1), np.roll(supports, -j, axis=1)
+                    corner = (np.sin(j * turn) * before + np.sin(i * turn) * after) / np.sin((i + j) * turn)
+                    tight = np.fmin(tight, corner)
             corners = corners_of_supports(tight + 2 * _ROUNDED * np.abs(tight).max(axis=1, keepdims=True))
             own, least = smallest_discs(corners)
             smaller = (least < radius[:, 0, 0])[:, None, None]
@@ -193,15 +200,3 @@ def _about_both(one: tuple[Complex, Real], other: tuple[Complex, Real]) -> tuple
     centre = np.where(known, a + np.where(apart > 0, part, 0.0) * (b - a), 0.0)
     radius = np.maximum(np.abs(a - centre) + r, np.abs(b - centre) + s)
     return centre, np.where(known, radius, np.inf)
-
-
-def _tight(supports: Real) -> Real:
-    """The supports of the polygons themselves, where a side of others cuts one off: by the corners of all pairs."""
-    count = supports.shape[1]
-    turn, found = 2 * np.pi / count, supports
-    for i in range(1, count // 2):
-        for j in range(1, (count - 1) // 2 + 1 - i):
-            before, after = np.roll(supports, i, axis=1), np.roll(supports, -j, axis=1)
-            corner = (np.sin(j * turn) * before + np.sin(i * turn) * after) / np.sin((i + j) * turn)
-            found = np.fmin(found, corner)
-    return found

@@ -63,14 +63,9 @@ class Functions(Frozen):
         return len(self.kept)
 
     @property
-    def mode_count(self) -> int:
-        """Number of modes with their poles in a box."""
-        return 0 if self.modes is None else self.modes.middle.size
-
-    @property
     def amplitudes(self) -> int:
         """Number of amplitudes of an entry."""
-        return self.fixed_count + self.mode_count
+        return self.fixed_count + (0 if self.modes is None else self.modes.middle.size)
 
     @functools.cached_property
     def _columns(self) -> tuple[tuple[int, float, bool], ...]:
@@ -286,11 +281,7 @@ def functions_of(problem: MixedProblem, box: BoxLike | None) -> Functions:
     if box is None:
         return fixed_functions(problem.parametric)
     omega, damping = ends_of(box)
-    return functions_over(problem.parametric, problem.plane, omega, damping, _peaks(problem, omega, damping))
-
-
-def _peaks(problem: MixedProblem, omega: Real, damping: Real) -> Real:
-    """Largest samples around every mode, in units of their bounds, (M,): so exactly its series must be."""
+    # Largest samples around every mode, in units of their bounds, (M,): so exactly its series must be.
     found = np.zeros(len(omega))
     for points in problem.frequency:
         size = np.abs(np.where(points.bound.used, points.values, 0)) / points.bound.outer_radius
@@ -302,4 +293,4 @@ def _peaks(problem: MixedProblem, omega: Real, damping: Real) -> Real:
     for record in problem.time:
         size = np.abs(np.where(record.bound.used, record.y, 0)) / record.bound.radius
         found = np.maximum(found, float(size.max()))
-    return found
+    return functions_over(problem.parametric, problem.plane, omega, damping, found)

@@ -194,11 +194,7 @@ def check_samples(problem: MixedProblem) -> SampleCheck:
     """Check samples of a problem of one entry, poles as stated: all of them, or 200 of many.
 
     At its own sample a band is never farther away than the bound; a disc from the other samples may be.
-
-    Raises
-    ------
-    InputError
-        A problem of several entries.
+    InputError: a problem of several entries.
     """
     outputs, inputs = problem.entries.shape
     if outputs * inputs > 1:

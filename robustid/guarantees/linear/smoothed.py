@@ -40,7 +40,8 @@ class Smoothed:
         self.linear, self.E, self.count = np.concatenate([centre.real, -centre.imag]), E, centre.size
         self.unit = np.sqrt(norms[0][2].max())
 
-    def _terms(self, x: Real) -> _Terms:
+    def step(self, x: Real, level: float) -> Real:
+        """A step of Newton with the smoothing `level`, as a part of the mean term, and the best of some lengths of it."""
         a, b, E = x[:, : self.count], x[:, self.count :], self.E
         turned = E[:, 0, 0] * a - E[:, 0, 1] * b, E[:, 1, 1] * b - E[:, 0, 1] * a
         real, imaginary = (x @ part.T - wanted for part, wanted in zip(self.J, self.wanted, strict=True))
@@ -48,11 +49,7 @@ class Smoothed:
         every = zip(pulls, self.norms, strict=True)
         rest = np.stack([square + ((pull - cross) * x).sum(axis=1) for pull, (_, cross, square) in every], axis=1)
         own, sizes = np.maximum(turned[0] * a + turned[1] * b, 0.0), real**2 + imaginary**2
-        return _Terms(turned, own, (real, imaginary), sizes, pulls, np.maximum(rest, 0.0))
-
-    def step(self, x: Real, level: float) -> Real:
-        """A step of Newton with the smoothing `level`, as a part of the mean term, and the best of some lengths of it."""
-        here = self._terms(x)
+        here = _Terms(turned, own, (real, imaginary), sizes, pulls, np.maximum(rest, 0.0))
         squares = here.own, here.sizes, here.rest
         count = sum(one.shape[1] for one in squares)
         total = sum(np.sqrt(one).sum(axis=1) for one in squares)

@@ -128,16 +128,12 @@ class _Search:
         plain, targets = self._plain.extraction, amplitude_targets(self.samples)
         if not np.all(np.isfinite(plain.known.radius)):
             return extract(self.samples)
-        away = np.abs(self._nodes_zeta - targets.base[:, None])
+        away = np.abs(self.samples.nodes[self._own[0]] - targets.base[:, None])
         start = self._started(np.argsort(away, axis=1, kind="stable")[:, :_NEAREST], plain.points, plain.multipliers)
         best = Extraction(self.samples, plain.about, *start)
         new = search(self.samples, targets, best.known, start=start)
         found = Extraction(self.samples, best.known.centre, *new)
         return found if found.known.radius.sum() < best.known.radius.sum() else best
-
-    @property
-    def _nodes_zeta(self) -> Complex:
-        return self.samples.nodes[self._own[0]]
 
     def band(self) -> EntryBand:
         """Knots of the lines and of the nodes, and further ones where mixing loses; from a knot that gained to the next."""

@@ -21,20 +21,13 @@ _PART = 0.1  # of the largest part in a dependence, from which a function takes 
 
 
 class ToldApart(NamedTuple):
-    """Functions of a parametric part as the data tell them apart.
+    """Functions of a parametric part as the data tell them apart."""
 
-    Attributes
-    ----------
-    dependent : (m,) bool array
-        Functions that take part in a linear dependence on the samples, or act on none.
-    complete : bool
-        True where the data tell all of them, and the transients, apart.
-    parts : (N, m) array
-        Values of each at the samples, in units of the bounds, in the shortest least-squares fit; over all entries.
-    """
-
+    # (m,) bool; functions that take part in a linear dependence on the samples, or act on none
     dependent: NDArray[np.bool_]
-    complete: bool
+    complete: bool  # True where the data tell all of them, and the transients, apart
+    # (N, m); values of each at the samples, in units of the bounds, in the shortest least-squares fit; over all
+    # entries
     parts: Real
 
 

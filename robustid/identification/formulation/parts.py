@@ -77,7 +77,22 @@ def parts_of(data: ConvexData) -> tuple[Part, ...]:
     entries = data.sarason.entries
     if entries.single or not data.sarason.entrywise or not isinstance(data.rows.E, BlockColumns):
         return ()
-    groups = _blocks(_seen_together(data, data.rows.E.parts), entries)
+    rows, count, order = data.rows, data.sarason.entries.count, data.sarason.pair.order
+    size = max(rows.parameters // count, 1)
+    groups = [_Group({number}) for number in range(count)]
+    for part in data.rows.E.parts:
+        found = _Group(set(range(part.columns.start // order, part.columns.stop // order)))
+        if part.block.stored and len(found.numbers) > 1:
+            seen = np.any(part.block.dense() != 0, axis=0).reshape(-1, order).any(axis=1)
+            found = _Group({number for number, some in zip(sorted(found.numbers), seen, strict=True) if some})
+        columns = np.flatnonzero(np.any(rows.P[part.rows] != 0, axis=0)).tolist()
+        found.take(_Group({c // size for c in columns if c < rows.parameters}))
+        found.transients |= {c for c in columns if c >= rows.parameters}
+        for other in [group for group in groups if group.touches(found)]:
+            found.take(other)
+            groups.remove(other)
+        groups.append(found)
+    groups = _blocks(groups, entries)
     return tuple(_part(data, data.rows.E, group) for group in groups) if len(groups) > 1 else ()
 
 
@@ -94,25 +109,6 @@ class _Group:
     def take(self, other: _Group) -> None:
         self.numbers |= other.numbers
         self.transients |= other.transients
-
-
-def _seen_together(data: ConvexData, parts: tuple[ColumnPart, ...]) -> list[_Group]:
-    rows, count, order = data.rows, data.sarason.entries.count, data.sarason.pair.order
-    size = max(rows.parameters // count, 1)
-    groups = [_Group({number}) for number in range(count)]
-    for part in parts:
-        found = _Group(set(range(part.columns.start // order, part.columns.stop // order)))
-        if part.block.stored and len(found.numbers) > 1:
-            seen = np.any(part.block.dense() != 0, axis=0).reshape(-1, order).any(axis=1)
-            found = _Group({number for number, some in zip(sorted(found.numbers), seen, strict=True) if some})
-        columns = np.flatnonzero(np.any(rows.P[part.rows] != 0, axis=0)).tolist()
-        found.take(_Group({c // size for c in columns if c < rows.parameters}))
-        found.transients |= {c for c in columns if c >= rows.parameters}
-        for other in [group for group in groups if group.touches(found)]:
-            found.take(other)
-            groups.remove(other)
-        groups.append(found)
-    return groups
 
 
 def _blocks(groups: list[_Group], entries: Entries) -> list[_Group]:

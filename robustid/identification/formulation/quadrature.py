@@ -6,11 +6,20 @@ import numpy as np
 
 from robustid.bases import InputNormalPair
 from robustid.core import Complex, Real
-from robustid.identification.formulation.ball import EntryProducts, Pairs, SymmetricMap
-from robustid.identification.formulation.quadrature_products import QuadratureProducts
+from robustid.identification.formulation.ball import (
+    Corners,
+    EntryProducts,
+    Pairs,
+    Parts,
+    SymmetricMap,
+    products_of_blocks,
+)
 
 _STEPS = 60  # of Newton's method for the nodes of the quadrature, bisection where it leaves its bracket
 _EXACT = 1e-11  # largest error of the quadrature's Gram matrix that is taken for rounding
+
+
+Four = tuple[Real, Real, Real, Real]
 
 
 class QuadratureMap(SymmetricMap):
@@ -78,21 +87,17 @@ class QuadratureMap(SymmetricMap):
 
 def quadrature(pair: InputNormalPair) -> tuple[Complex, Complex] | None:
     """The b_k and the phi(z_k) of a cascade, as rows; None where nodes too near to the circle cost the digits of b_k."""
-    phi = _values(pair, np.exp(1j * _nodes(_zeros(pair.A))))
+    # eigenvalues of a cascade's A: of blocks of size one or two on its diagonal
+    found: list[complex] = []
+    k, n = 0, len(pair.A)
+    while k < n:
+        wide = 2 if k + 1 < n and pair.A[k, k + 1] else 1
+        found.extend(np.linalg.eigvals(pair.A[k : k + wide, k : k + wide]).tolist())
+        k += wide
+    phi = _values(pair, np.exp(1j * _nodes(np.array(found, complex))))
     rows = phi.conj() / np.linalg.norm(phi, axis=1)[:, None]
     gram = np.real(rows.T @ rows.conj())
     return (rows, phi) if np.abs(gram - np.eye(pair.order)).max(initial=0.0) < _EXACT else None
-
-
-def _zeros(A: Real) -> Complex:
-    """The eigenvalues of a cascade's A: of blocks of size one or two on its diagonal."""
-    found: list[complex] = []
-    k, n = 0, len(A)
-    while k < n:
-        wide = 2 if k + 1 < n and A[k, k + 1] else 1
-        found.extend(np.linalg.eigvals(A[k : k + wide, k : k + wide]).tolist())
-        k += wide
-    return np.array(found, complex)
 
 
 def _nodes(zeros: Complex) -> Real:
@@ -135,3 +140,69 @@ def _values(pair: InputNormalPair, z: Complex) -> Complex:
         phi[part] = np.linalg.solve(block, right.T[..., None])[..., 0].T
         k -= wide
     return phi.T
+
+
+class QuadratureProducts(EntryProducts):
+    """H_j = Re sum_k D_kj b_k b_k' of every entry, R and D with the real parts above the imaginary ones, (2 n, n) each.
+
+    [U * V]_kl = Re [D'((G_U o G_V) D + (F_U o F_V) conj(D))]_kl / 2 with G_U = (b_k' U b_l) and F_U = (b_k' U conj(b_l)).
+    """
+
+    def __init__(self, R: Real, D: Real):
+        self._R, self._D, self._n = R, D, R.shape[1]
+
+    def matrix(self, x: Real) -> Real:
+        """H of every entry, (p, q, n, n)."""
+        n, R = self._n, self._R
+        d = x @ self._D.T
+        r, s = d[..., :n, None], d[..., n:, None]
+        top, bottom = R[:n], R[n:]
+        return R.T @ np.concatenate([r * top - s * bottom, -r * bottom - s * top], axis=-2)
+
+    def adjoint(self, Y: Real) -> Real:
+        """Inner products <H_j, Y> of every entry, (p, q, n)."""
+        n, R = self._n, self._R
+        half = R @ Y
+        top, bottom = half[..., :n, :], half[..., n:, :]
+        real = np.sum(top * R[:n] - bottom * R[n:], axis=-1)
+        imaginary = np.sum(top * R[n:] + bottom * R[:n], axis=-1)
+        return np.concatenate([real, -imaginary], axis=-1) @ self._D
+
+    def factors(self, P: Corners, Q: Corners) -> tuple[Parts, Parts]:
+        """Real and imaginary parts of (b_k' U b_l) and of (b_k' U conj(b_l)) of all blocks."""
+        return self._of(P), self._of(Q)
+
+    def _of(self, P: Corners) -> Parts:
+        """Parts of a symmetric matrix: a block and the one across it have one product."""
+        found: Parts = {(1, 2): [[self._between(U) for U in row] for row in P[1, 2]]}
+        found[2, 1] = [[_across(found[1, 2][b][a]) for b in range(len(row))] for a, row in enumerate(P[2, 1])]
+        for corner in ((1, 1), (2, 2)):
+            rows: list[list[Four]] = []
+            for a, row in enumerate(P[corner]):
+                rows.append([_across(rows[b][a]) if b < a else self._between(U) for b, U in enumerate(row)])
+            found[corner] = rows
+        return found
+
+    def _between(self, U: Real) -> Four:
+        n, E = self._n, self._R @ U @ self._R.T
+        first, last, right, left = E[:n, :n], E[n:, n:], E[:n, n:], E[n:, :n]
+        return first - last, right + left, first + last, left - right
+
+    def block(self, P: Parts, Q: Parts, a: int, b: int, c: int, d: int) -> Real:
+        """The block of the curvature of two entries."""
+        n, D = self._n, self._D
+        K = np.zeros((2 * n, 2 * n))
+        for (r, s, t, u), (e, f, g, h) in products_of_blocks(P, Q, a, b, c, d):
+            real, turned = r * e - s * f, r * f + s * e
+            plain, skew = t * g - u * h, t * h + u * g
+            K[:n, :n] += plain + real
+            K[n:, n:] += plain - real
+            K[:n, n:] += skew - turned
+            K[n:, :n] -= skew + turned
+        return D.T @ (K @ D) / 2
+
+
+def _across(four: Four) -> Four:
+    """The parts of a transposed block."""
+    r, s, t, u = four
+    return r.T, s.T, t.T, -u.T

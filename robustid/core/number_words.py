@@ -1,6 +1,9 @@
-"""Frequencies in words, with the prefix that keeps their digits readable."""
+"""Numbers in words: frequencies with the prefix that keeps their digits readable, few digits on the safe side of a value."""
 
 from __future__ import annotations
+
+import decimal
+import math
 
 _PREFIXES = ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"))
 
@@ -23,3 +26,19 @@ def hz_span(low: float, high: float, digits: int = 5) -> str:
     scale, unit = next((one for one in _PREFIXES if (low == 0 or low >= one[0]) and high >= 1e3 * one[0]), (1.0, "Hz"))
     words = f"{low / scale:.{digits}g} to {high / scale:.{digits}g} {unit}"
     return f"{hz_words(low, digits)} to {hz_words(high, digits)}" if "e+" in words else words
+
+
+def rounded_up(value: float, digits: int = 4) -> float:
+    """Number of so many significant digits that is not below the value."""
+    return _rounded(value, decimal.ROUND_CEILING, digits)
+
+
+def rounded_down(value: float, digits: int = 4) -> float:
+    """Number of so many significant digits that is not above the value."""
+    return _rounded(value, decimal.ROUND_FLOOR, digits)
+
+
+def _rounded(value: float, rounding: str, digits: int) -> float:
+    if not math.isfinite(value):
+        return value
+    return float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value))
