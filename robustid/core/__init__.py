@@ -26,7 +26,7 @@ from robustid.core.coprime import (
 from robustid.core.description import Arrays, Options, Record, described, digest, fields_of, fingerprint, made, stored
 from robustid.core.files import atomic_write
 from robustid.core.frozen import Frozen, freeze
-from robustid.core.hertz import hz_scale, hz_span, hz_words
+from robustid.core.hertz import hz_scale, hz_span, hz_words, telling_digits
 from robustid.core.kept import kept_by_content
 from robustid.core.least_squares import DampedSteps, Projection, decoupled_parts, lengths, projected, singular_parts
 from robustid.core.models import as_state_space, labels_of, model_of, numbered
@@ -196,6 +196,7 @@ __all__ = [
     "singular_parts",
     "stabilised_by",
     "stored",
+    "telling_digits",
     "threads_for",
     "time_words",
     "was_interrupted",
