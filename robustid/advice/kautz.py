@@ -17,6 +17,7 @@ from robustid.advice.pole_fit import (
     best_start,
     checked_lines,
     find_poles,
+    lightest,
     ratios,
     refine_beside,
     residual_rows,
@@ -273,7 +274,11 @@ def _bounded(
 ) -> tuple[NDArray[np.int_], Sequence[PoleBox], str]:
     """Modes whose places the points bound, with their intervals, and words on the others."""
     words = ""
-    seen = [k for k, box in enumerate(boxes) if box.ends[1, 1] < DAMPING[1] * (1 - 1e-6)]
+    # In continuous time the ends are those of a bilinear variable, where a pole far above the corner is light whatever it is.
+    (low, _), (least, most) = _edges(boxes, fit).transpose(1, 2, 0)
+    limit, within = DAMPING[1] * (1 - 1e-6), low < fit.plane.omega(fit.angle[-1:])
+    vague = (not fit.plane.dt) & within & (most >= limit) & (least <= most / 2)
+    seen = [k for k, box in enumerate(boxes) if box.ends[1, 1] < limit and not vague[k]]
     if len(seen) < len(kept):
         words += f"; {len(kept) - len(seen)} of them as well with any damping: left out, the gain bound covers them"
     kept, boxes = kept[seen], [boxes[k] for k in seen]
@@ -387,7 +392,7 @@ def further_mode(frf: FrequencyResponse, omega: Real, damping: Real) -> tuple[fl
     poles = np.log(np.stack(data.plane.turned(omega, damping), axis=1))
     start = best_start(poles, data)
     positive = data.angle[data.angle > 0]
-    low, high = np.log([[positive[0], DAMPING[0]], [min(positive[-1], 0.999 * np.pi), DAMPING[1]]])
+    low, high = np.log([[positive[0], lightest(positive)], [min(positive[-1], 0.999 * np.pi), DAMPING[1]]])
     ((turn, zeta),) = np.exp(refine_beside(poles, start[None], data, low, high))
     one, zeta = data.plane.modes(np.array([turn]), np.array([zeta]))
     return float(one[0]), float(zeta[0])

@@ -27,8 +27,9 @@ _MOST_LINES = 1000  # for the search; the interval of a mode uses the frequency 
 _WORTH, _WORTH_LEFT = 0.003, 0.75
 _WORTH_NEAR = 0.9  # or this part of what there is around it, where that is more than the bounds
 _NEAR = (5, 12)  # half-widths of a mode, and fewest frequency points, that are around it
-DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped
+DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped, and see `lightest`
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
+_DENSE = 12  # lighter ones, where the points are denser than the lightest damping
 _DELAYS = range(4)  # samples
 BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
 _ONE = 0.01  # half-widths between two poles, below which they are one
@@ -272,7 +273,10 @@ def best_start(poles: Real, data: LineData) -> Real:
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
     entries = list(zip(data.each, _projected(data, poles), data.measured, strict=True))
-    for zeta in _START:
+    least = lightest(data.angle)
+    lighter: Real = least * (float(_START[0]) / least) ** (np.arange(_DENSE) / _DENSE)
+    dampings = np.append(lighter, _START) if least < DAMPING[0] else _START
+    for zeta in dampings:
         tried = np.log(np.stack([place, np.full(place.size, zeta)], axis=1))
         functions = _first_functions(data.angle, tried)
         gain = np.sum([_gains(one, fit, functions[there]) for one, fit, there in entries], axis=0)
@@ -312,7 +316,7 @@ def _gains(data: LineData, fit: Projection, functions: Complex) -> Real:
 def refine(poles: Real, data: LineData) -> Real:
     """All poles together, from a start, by nonlinear least squares."""
     positive = data.angle[data.angle > 0]
-    low = np.log([positive[0] / BELOW, DAMPING[0]])
+    low = np.log([positive[0] / BELOW, lightest(data.angle)])
     high = np.log([min(2 * positive[-1], 0.999 * np.pi), DAMPING[1]])
     return refine_beside(np.zeros((0, 2)), poles, data, low, high)
 
@@ -333,6 +337,12 @@ def refine_beside(fixed: Real, poles: Real, data: LineData, low: Real, high: Rea
     start = np.clip(poles.ravel(), low + 1e-9, high - 1e-9)
     found = least_squares(rows, start, slopes, x_scale="jac", bounds=(low, high), max_nfev=50)
     return found.x.reshape(-1, 2)
+
+
+def lightest(angle: Real) -> float:
+    """Lowest damping ratio at which poles are looked for: points a millionth of their frequency apart show one of 10^-6 too."""
+    positive = np.unique(angle[angle > 0])
+    return min([DAMPING[0], float(np.median(np.diff(positive) / positive[1:]))] if positive.size > 1 else DAMPING[:1])
 
 
 def told_apart(poles: Real) -> Real:

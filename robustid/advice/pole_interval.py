@@ -17,6 +17,7 @@ from robustid.advice.pole_fit import (
     SMOOTH,
     LineData,
     design,
+    lightest,
     nearest,
     pair_changes,
     pole_pair,
@@ -140,7 +141,7 @@ def _around(data: LineData, poles: Real, which: int) -> _Search:
     local, span = [local for local, _ in fits], fits[0][1]
     centre = poles[which]
     best = max(local.minimax(centre)[1] for local in local)
-    low = np.array([max(span[0], 1e-3 * span[1]), DAMPING[0]])
+    low = np.array([max(span[0], 1e-3 * span[1]), lightest(data.angle)])
     high = np.array([min(span[1], 0.999 * np.pi), DAMPING[1]])
     low, high = np.minimum(np.log(low), centre), np.maximum(np.log(high), centre)
     return _Search(local, 1.0 if best <= 1 else 2 * best, low, high)

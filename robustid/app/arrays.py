@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 
-from robustid.core import Real, hz_words
+from robustid.core import Real, hz_words, telling_digits
 from robustid.data import Fault, FaultKind
-from robustid.formats import Item, heading, seconds_in
+from robustid.formats import Item, axis_role, heading, seconds_in
 
 _EVEN = 1e-6  # part of a step
 _FEW = 8  # rows of a spectrum
@@ -22,9 +22,9 @@ def shape_words(item: Item) -> str:
     return " x ".join(map(str, item.shape)) if item.values is not None else item.kind
 
 
-def said_words(item: Item) -> str:
-    """Range of an item, and what its name says of it: quantity, unit, and whether its sign is turned."""
-    said = heading(item.address) if item.kind == "real" else None
+def said_words(item: Item, *, of_record: bool = False) -> str:
+    """Range of an item, and what its name says of it: quantity, unit, and whether its sign is turned; of a signal nothing."""
+    said = heading(item.address) if item.kind == "real" and not of_record else None
     known = said is not None and said.part and (said.unit or said.quantity or said.sign < 0)
     return f"{_range(item)}: {said.words}" if said is not None and known else _range(item)
 
@@ -42,14 +42,15 @@ def _range(item: Item) -> str:
         return "not finite"
     if values.size == 1:
         return f"{finite[0]:.6g}"
-    words = f"{finite.min():.4g} to {finite.max():.4g}"
+    digits = telling_digits(float(finite.min()), float(finite.max()), 4)
+    words = f"{finite.min():.{digits}g} to {finite.max():.{digits}g}"
     step = _step(values)
     if step:
         words += f", evenly spaced by {step:.6g}"
         if _TIME.search(item.name):
             scale = seconds_in(item.address)
             words += f" ({'as seconds: ' if scale is None else ''}{1 / (step * (scale or 1)):.6g} samples per second)"
-        elif _AXIS.search(item.name) and not item.unit:
+        elif _AXIS.search(item.name) and not item.unit and axis_role(item.address.rpartition(".")[2]) != "freq_hz":
             top = float(finite.max())
             words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"
     return words

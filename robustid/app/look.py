@@ -22,6 +22,7 @@ from robustid.formats import (
     FREQUENCY,
     TIME,
     StoredModel,
+    axis_role,
     contents,
     names_axis,
     origin,
@@ -249,7 +250,8 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     apart = [dict(one) for one in pairs.fields] if pairs.apart and not options else []
     joined = pairs.joined if apart else {}
     found = contents(table)
-    rows = tuple((item.address, shape_words(item), said_words(item)) for item in found.items)
+    timed = any(axis_role(item.address) == "time" for item in found.items)  # then an angle is a signal, and no phase
+    rows = tuple((item.address, shape_words(item), said_words(item, of_record=timed)) for item in found.items)
     odd = [fault for item in found.items if item.values is not None for fault in array_faults(item)]
     try:
         data, how = ([load(table, fields=one) for one in apart], "") if apart else read_said(table, **options)
@@ -294,7 +296,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
 def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ...]]:
     """Arguments of `load` to try after a refusal, and those of them that stand for what nobody has said."""
     measured = set(error.remedy) == {"dt"}  # the step of a time column, which stands for nothing
-    remedy = error.remedy if measured or "fields" in error.remedy else {}
+    remedy = error.remedy if measured or {"fields", "axes"} & set(error.remedy) else {}
     unknown = tuple(
         name for name in _STANDS_FOR if name == error.argument or (name == "dt" and name in remedy and not measured)
     )

@@ -39,7 +39,7 @@ from robustid.core.least_squares import (
     singular_parts,
 )
 from robustid.core.models import as_state_space, labels_of, model_of, numbered
-from robustid.core.number_words import hz_scale, hz_span, hz_words, rounded_down, rounded_up
+from robustid.core.number_words import hz_scale, hz_span, hz_words, rounded_down, rounded_up, telling_digits
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import (
     Budget,
@@ -208,6 +208,7 @@ __all__ = [
     "singular_parts",
     "stabilised_by",
     "stored",
+    "telling_digits",
     "threads_for",
     "time_words",
     "was_interrupted",

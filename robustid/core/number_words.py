@@ -5,6 +5,7 @@ from __future__ import annotations
 import decimal
 import math
 
+_MOST_DIGITS = 12
 _PREFIXES = ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"))
 
 
@@ -22,10 +23,18 @@ def hz_words(hz: float, digits: int = 5) -> str:
 
 
 def hz_span(low: float, high: float, digits: int = 5) -> str:
-    """Words for a range of frequencies in Hz: "1 to 100 Hz", "100 to 3000 MHz", "50 kHz to 3 GHz"."""
+    """Words for a range of frequencies in Hz: "1 to 100 Hz", "50 kHz to 3 GHz"; of a narrow one with more digits."""
+    digits = telling_digits(low, high, digits)
     scale, unit = next((one for one in _PREFIXES if (low == 0 or low >= one[0]) and high >= 1e3 * one[0]), (1.0, "Hz"))
     words = f"{low / scale:.{digits}g} to {high / scale:.{digits}g} {unit}"
     return f"{hz_words(low, digits)} to {hz_words(high, digits)}" if "e+" in words else words
+
+
+def telling_digits(low: float, high: float, digits: int) -> int:
+    """As many digits, or more, as show the distance of two numbers to one part in ten."""
+    if not 0 < high - low < high:
+        return digits
+    return min(max(digits, math.ceil(math.log10(high / (high - low))) + 2), max(digits, _MOST_DIGITS))
 
 
 def rounded_up(value: float, digits: int = 4) -> float:

@@ -6,17 +6,21 @@ Every operation says what it does to the bound, so that a hard bound stays hard.
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, as_count, as_float, as_positive
+from robustid.core import Real, as_array, as_count, as_float, as_positive
 from robustid.data.time_record import TimeRecord
 from robustid.errors import InputError, InputTypeError, Remedy
 
 # Lines up to this part of the new Nyquist frequency pass the filter; from the new Nyquist frequency on it blocks.
 PASSBAND = 0.8
 _UNIFORM = 1e-6  # relative difference of steps that are called the same
+# Of instants that were rounded: the unit of their last place at most, in steps, and in lengths of the record, of which it is the
+# error of the step; and most digits.
+_LAST_PLACE, _OF_LENGTH, _DIGITS = 0.1, 1e-5, 12
 _REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
 
@@ -233,6 +237,30 @@ def _check_record(record: object) -> None:
         raise InputTypeError(f"`record` must be a TimeRecord; got {type(record).__name__}")
 
 
+def _rounded(time: Real, step: float) -> bool:
+    """True of uniform instants that were rounded to so many decimal places or digits, as in files: 0.000488, 0.000977 of 1/2048 s.
+
+    Each is within half a unit of its last place of what it was, and so are the first and the last one, which give the step: all
+    are within a whole unit of the straight line between these.
+    """
+    size: Real = np.abs(time)
+    sizes: Real = np.floor(np.log10(np.where(size > 0, size, size.max())))
+    top = float(sizes.max())
+    line: Real = time[0] + step * np.arange(time.size)
+    off, length = float(np.max(np.abs(time - line))), float(time[-1] - time[0])
+    unit = 10.0 ** math.floor(math.log10(min(_LAST_PLACE * step, _OF_LENGTH * length)))
+    while off <= unit * (1 + _UNIFORM) and unit > 10.0 ** (top - _DIGITS):
+        if any(_are_multiples(time, place) for place in (unit, unit * 10.0 ** (sizes - top))):
+            return True
+        unit /= 10
+    return False
+
+
+def _are_multiples(values: Real, unit: Real | float) -> bool:
+    count: Real = np.abs(values) / unit
+    return bool(np.all(np.abs(count - np.round(count)) <= 4 * np.finfo(float).eps * count))
+
+
 def uniform_step(time: np.ndarray, samples: int) -> float:
     """The sample time of instants that are uniform; else a sentence."""
     if time.shape != (samples,):
@@ -247,7 +275,7 @@ def uniform_step(time: np.ndarray, samples: int) -> float:
         raise InputError("one sample gives no sample time; give `dt`")
     steps = np.diff(as_array("time", time))
     step = as_positive("time step", (time[-1] - time[0]) / (samples - 1))
-    if np.max(np.abs(steps - step)) > _UNIFORM * step:
+    if np.max(np.abs(steps - step)) > _UNIFORM * step and not _rounded(time, step):
         k = int(np.argmax(np.abs(steps - np.median(steps))))
         raise InputError(
             f"the time is not uniform: from {time[k]:.9g} s (sample {k}) to {time[k + 1]:.9g} s the step is"

@@ -23,6 +23,9 @@ _MOST, _FEWEST = 4000, 200  # lines times spectra that are fitted, and lines
 _PLACES, _APART = 4, 4  # where a further pair is tried, and lines between these
 _WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair
 _AROUND = 14  # lines on either side whose residuals give the noise of a line
+_STILL = 0.05  # of the first line: where a pair stands for an integrator
+_MUCH = 0.5  # of the power: what a pair that is worth a start of its own may leave
+_MEETING = 1e-3  # of the distance of lines: least imaginary part of a pole
 _STEPS = 10  # of the refinement of poles while pairs are added
 _FAR = 1e6  # largest modulus of a pole
 _ROUNDED = 1e-24  # part of the power below which residuals are rounding errors
@@ -111,9 +114,17 @@ class _Spectra(PoleFit):
         return 2 * pairs + (2 * pairs + _SMOOTH) * self.drives.shape[1] * self.values.shape[1]
 
     def pairs(self) -> Complex:
-        """The poles, as many as shorten the description of the spectra."""
-        equations = 2 * self.samples
-        poles, vain = np.zeros(0, complex), 0
+        """The poles, as many as shorten the description of the spectra: from none on, and from a drift that explains much."""
+        starts = [np.zeros(0, complex)]
+        if self.angle[0] > 0:  # a pair for an integrator, and what differs from end to end: at 0, where no line is
+            starts.append(np.exp(1j * _STILL * self.angle[:1]))
+        cost = [self._cost(self.values, poles) for poles in starts]
+        paths = [self._shortest(poles) for poles in starts[: 2 if cost[-1] < _MUCH * cost[0] else 1]]
+        return min(paths, key=lambda path: path[0])[1]
+
+    def _shortest(self, poles: Complex) -> tuple[float, Complex]:
+        """Length of the shortest description with these poles and further ones, and its poles."""
+        equations, vain = 2 * self.samples, 0
         best, shortest = poles, np.inf
         while True:
             power = self._cost(self.values, poles) / equations
@@ -124,7 +135,7 @@ class _Spectra(PoleFit):
                 best, shortest = poles, length
             full = _EQUATIONS * self.parameters(poles.size + 1) > equations
             if vain == _IN_VAIN or poles.size == _MOST_PAIRS or full or power <= _ROUNDED:
-                return self.refined(best)
+                return float(shortest), self.refined(best)
             poles = self.refined(self._further(poles), _STEPS)
 
     def refined(self, poles: Complex, steps: int | None = None) -> Complex:
@@ -133,7 +144,8 @@ class _Spectra(PoleFit):
             poles = np.asarray(self.refine(0.0, poles, held=True, steps=steps).poles, dtype=complex)
         # One that runs off stands for z, what is ahead of the input: on its way to infinity its functions vanish.
         poles = poles * (_FAR / np.maximum(np.abs(poles), _FAR))
-        return poles.real + 1j * np.abs(poles.imag)
+        # The functions of a pair that meets are one, and nothing tells how far it moves: a double pole is one as near as this.
+        return poles.real + 1j * np.maximum(np.abs(poles.imag), _MEETING * np.diff(self.angle[:2]).sum())
 
     def _further(self, poles: Complex) -> Complex:
         """The poles and a narrow pair, of those at the lines where most is left the one that leaves least."""
@@ -233,7 +245,10 @@ class _Description:
             spread = self._spread(i)
             for k in range(self.poles.size):
                 own = (np.arange(count)[:, None] * n + [2 * k, 2 * k + 1]).ravel()
-                found[k] |= bool(c[own] @ np.linalg.pinv(spread[np.ix_(own, own)]) @ c[own] >= _SHOWN**2)
+                part = spread[np.ix_(own, own)]
+                size = np.sqrt(np.maximum(np.diag(part), np.finfo(float).tiny))  # of a pair that nearly meets 1e8 to 1
+                told = c[own] / size
+                found[k] |= bool(told @ np.linalg.pinv(part / size[:, None] / size) @ told >= _SHOWN**2)
         return found
 
     def modes(self) -> dict[int, ModeEnds]:

@@ -13,7 +13,7 @@ _EXCITED = 0.02  # of the largest line: a sweep leaves out nothing of its band, 
 _LEAKED = (1.25, 1.5)
 _NEAR, _SMOOTH = 3, 0.02  # lines on either side, and what a polynomial leaves of them
 _MOST = 5000  # lines by default
-_SILENT = 100.0  # times the largest response that is known: a bound that is larger says nothing
+_SILENT = 3.0  # times the largest response that is known: a bound that is larger says nothing of its size
 _FEW = 0.1  # of the windows with an excitation: fewer that tell a response are chance
 
 

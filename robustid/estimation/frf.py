@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from robustid.core import as_count, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
-from robustid.errors import InputError
+from robustid.errors import InputError, Remedy
+from robustid.estimation.blows import are_blows, with_ringing
 from robustid.estimation.estimate import ABOUT, Estimate, bound
 from robustid.estimation.excited_lines import silent_lines
 from robustid.estimation.nonperiodic import local
@@ -49,7 +50,8 @@ def estimate_frf(
         realisations. Where every record has a `reference` (as many signals as inputs), it is taken as the excitation, and the
         response is that from u to y in closed loop: the quotient of the responses to the reference.
     method : {"periodic", "local", "welch"}, optional
-        Default: "periodic" where `period` is given or the records say ``initial="periodic"``, else "local". "welch" (Hann windows)
+        Default: "periodic" where `period` is given, the records say ``initial="periodic"`` or each is of a blow that rings out,
+        else "local". "welch" (Hann windows)
         smears what changes within its resolution, which it states; a fallback for a first look.
     period : int, optional
         Period in samples; every record must be a whole number of periods. Default: each record is one period,
@@ -111,8 +113,13 @@ def estimate_frf(
     on either side, are the `modes` of the response; where halves of the measurement differ, those of both.
 
     Lines that next to nothing excites, far from a sweep, have bounds that may be 1e9 times the response. Those whose bounds exceed
-    100 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
+    3 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
     So are lines that have no more than what others leak to them, as smooth over the lines as a transient: in short parts of sweeps.
+
+    Blows. The spectrum of a short input is as smooth over the lines as a transient: no window tells one from the other. Records
+    that begin at rest and ring out are periods instead, one each. What still rings at the end is the same in all of them: with the
+    part rho that is left from the third quarter of a record to the last, whose spectrum is Y, at most ``|Y| rho/(1 - rho)`` is cut
+    off; a quarter of its square, over that of the input, is added to the variance.
 
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and
@@ -186,7 +193,16 @@ def _checked(
     return records, method, probability
 
 
+def _usual(records: Sequence[TimeRecord], period: int | None) -> str:
+    """The method where none is stated."""
+    repeats = period is not None or all(r.initial == "periodic" for r in records) or are_blows(records, period)
+    return "periodic" if repeats else "local"
+
+
 def _estimated(records: list[TimeRecord], method: str, period: int | None, lines: ArrayLike | None) -> Estimate:
+    if method == "periodic" and are_blows(records, period):
+        steady = [dataclasses.replace(one, initial="periodic", bound=None) for one in records]
+        return with_ringing(periodic(steady, period, lines), records)
     if method == "periodic":
         return periodic(records, period, lines)
     return (local if method == "local" else welch)(records, lines)
@@ -260,8 +276,17 @@ def checked_records(record: TimeRecord | Sequence[TimeRecord]) -> list[TimeRecor
             ("reference (in all or none)", _reference(first), _reference(other)),
         ):
             if a != b:
-                raise InputError(f"`record`: all experiments must have the same {what}; got {a} and {b} (number {k})")
+                words = f"`record`: all experiments must have the same {what}; got {a} and {b} (number {k})"
+                raise InputError(words, *_cut(records))
     return records
+
+
+def _cut(records: list[TimeRecord]) -> list[str | Remedy]:
+    """End of a sentence for records that differ in their length alone."""
+    if len({(one.dt, one.u.shape[1:], one.y.shape[1:], one.reference is None) for one in records}) > 1:
+        return []
+    least = min(len(one.u) for one in records)
+    return ["; cut them to ", Remedy({"samples": least}, f"{least} samples")]
 
 
 def _reference(record: TimeRecord) -> tuple[int, ...] | None:

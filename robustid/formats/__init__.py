@@ -11,7 +11,7 @@ from robustid.formats.networks import is_network, scattering_model, scattering_o
 from robustid.formats.readers import read_table
 from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_lookup import seconds_in
-from robustid.formats.role_names import FREQUENCY, NAMES, TIME
+from robustid.formats.role_names import FREQUENCY, NAMES, TIME, axis_role
 from robustid.formats.saved import WRITERS
 from robustid.formats.table import Table
 from robustid.formats.universal import write_universal
@@ -26,6 +26,7 @@ __all__ = [
     "Origin",
     "StoredModel",
     "Table",
+    "axis_role",
     "contents",
     "datasets",
     "heading",

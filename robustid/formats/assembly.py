@@ -100,7 +100,8 @@ def as_frequency(
         )
     if "bound" not in options and (name := lookup.find("bound")) is not None:
         _same_unit(lookup, name, [lookup.find(role) for role in ("values", "real", "magnitude", "magnitude_db")])
-        options["bound"] = lookup.matrix("bound", name)
+        bound = lookup.matrix("bound", name)
+        options["bound"] = bound.item() if bound.size == 1 else bound
     if (name := lookup.find("coherence")) is not None:
         coherence = lookup.matrix("coherence", name)
         options.setdefault("coherence", coherence.reshape(len(coherence), -1))

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robustid.errors import Remedy
+from robustid.data import uniform_step
+from robustid.errors import InputError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import written
 from robustid.formats.headings import PARTS
@@ -17,7 +18,6 @@ from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
 from robustid.formats.table import NAMELESS, Table
 
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
-_STEADY = 1e-6
 _CARTESIAN = ("real", "imag")
 _PARTS_WORDS = "'values' (complex), 'real' and 'imag', or 'magnitude' or 'magnitude_db' and 'phase_deg' or 'phase_rad'"
 _RECORD = "As a time record, if these are its inputs and outputs: "
@@ -147,8 +147,8 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     """
     fields: dict[str, object] = {}
     if axis is not None:
-        steps = np.diff(axis[1].astype(float))
-        if np.ptp(steps) > _STEADY * steps.mean() or (axis_role(axis[0]) or "").startswith(UNSURE):
+        role = axis_role(axis[0]) or ""
+        if role.startswith(UNSURE) or (role != "time" and not _is_uniform(axis[1].astype(float))):
             return []
         fields["time"], dt = axis[0], False
     if len(rest) == 1:
@@ -162,6 +162,14 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
         inputs, outputs = rest[:alike], others
     fields |= {"u": _one(inputs), "y": _one(outputs)}
     return [_RECORD, *_given(fields, dt), "."]
+
+
+def _is_uniform(instants: np.ndarray) -> bool:
+    try:
+        uniform_step(instants, instants.size)
+    except InputError:
+        return False
+    return True
 
 
 def _alike(names: list[str]) -> int:

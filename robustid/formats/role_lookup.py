@@ -51,28 +51,37 @@ class Lookup:
         self.named_axes, self.how = named_axes, table.how
         self._others: dict[str, Lookup] = {}
         self.text, self.facts, self.export = table.text, table.facts, export(table)
+        self.structure = _structure(self.columns)
         self.axes: dict[str, list[str]] = {}
         for name in self.columns:
-            if (role := axis_role(name)) is not None:
+            if (role := axis_role(self._plain(name))) is not None:
                 self.axes.setdefault(role, []).append(name)
 
+    def _plain(self, name: str) -> str:
+        """Name without that of the structure that holds everything."""
+        return name.removeprefix(self.structure)
+
     def _match(self, name: str) -> str | None:
-        """As written, in other letters, or without its unit."""
-        if name in self.columns:
-            return name
-        wanted = name.lower()
-        found = [known for known in self.columns if known.lower() == wanted]
-        return next(iter(found or [n for n in self.columns if units.in_brackets(n)[0].lower() == wanted]), None)
+        """As written, in other letters, or without its unit; of a field of the only structure its name there too."""
+        for asked in dict.fromkeys((name, self.structure + name)):
+            if asked in self.columns:
+                return asked
+            wanted = asked.lower()
+            found = [known for known in self.columns if known.lower() == wanted]
+            if found := found or [n for n in self.columns if units.in_brackets(n)[0].lower() == wanted]:
+                return found[0]
+        return None
 
     def find(self, role: str) -> object:
         """Name in the file, or list of names, or None."""
         if role in self.fields:
             return self.fields[role]
         if role in ("omega", "freq_hz", "time", "phase_deg", "phase_rad", "magnitude", "magnitude_db"):
-            found = sorted(self.axes.get(role, []), key=lambda name: rank(role, name))
+            found = sorted(self.axes.get(role, []), key=lambda name: rank(role, self._plain(name)))
             # Two magnitudes with other titles than usual are of two channels: neither is taken.
-            unusual = len(found) > 1 and rank(role, found[0])[0] == rank(role, found[1])[0]
-            return None if not found or (unusual and not is_usual(role, found[0])) else found[0]
+            first, *others = [self._plain(name) for name in found] or [""]
+            unusual = bool(others) and rank(role, first)[0] == rank(role, others[0])[0]
+            return None if not found or (unusual and not is_usual(role, first)) else found[0]
         for name in NAMES[role]:
             if (match := self._match(name)) is not None:
                 return match
@@ -120,7 +129,7 @@ class Lookup:
             return 1 / (as_positive("fields['rate']", self.column("rate", self.fields["rate"])) * self._hz())
         for role in () if self.text else ("dt", "rate"):
             for name in NAMES[role]:
-                value = self.columns.get(name)
+                value = self.columns.get(self.structure + name)
                 # MATLAB's Ts is 0 for continuous time and -1 for "not said".
                 if isinstance(value, np.ndarray) and value.size == 1 and np.isrealobj(value) and value.item() > 0:
                     return float(value.item()) if role == "dt" else 1 / float(value.item())
@@ -129,9 +138,9 @@ class Lookup:
     def refuse_step(self, *but: float) -> None:
         """Refuse a stored sample time or rate that is no positive number, nor one of these."""
         for name in () if self.text or "dt" in self.fields or "rate" in self.fields else (*_STEPS, *NAMES["rate"]):
-            value, got = self.columns.get(name), ""
-            if name in self.table.texts:
-                got = f"the text {', '.join(self.table.texts[name][:1])!r}"
+            value, texts, got = self.columns.get(self.structure + name), self.table.texts.get(self.structure + name), ""
+            if texts is not None:
+                got = f"the text {', '.join(texts[:1])!r}"
             elif isinstance(value, np.ndarray) and value.size != 1:
                 got = f"{value.size} numbers"
             elif isinstance(value, np.ndarray) and value.item() not in but:
@@ -179,7 +188,7 @@ class Lookup:
             return [label for one in cast("Sequence[object]", name) for label in self.labels(one)]
         place = self._place(name)
         if place is None or place.address is None:
-            base, unit = units.in_brackets(self.name(name))
+            base, unit = units.in_brackets(self._plain(self.name(name)))
             return [(f"{self.path.stem}{base}" if base.startswith("[") else base, unit)]
         base, unit = units.in_brackets(place.name)
         address = place.address._replace(name=base or place.there.path.stem)
@@ -189,7 +198,7 @@ class Lookup:
     def title(self, name: object) -> str:
         """Name of an array, without its unit; of one without a name that of its file."""
         place = self._place(name) if isinstance(name, str) else None
-        base = "" if place is None else units.in_brackets(place.name)[0]
+        base = "" if place is None else units.in_brackets(place.there._plain(place.name))[0]
         return base or (self if place is None else place.there).path.stem
 
     def column(self, role: str, name: object) -> np.ndarray:
@@ -266,6 +275,10 @@ class Lookup:
         there = self._others[match["file"]]
         return there, match["rest"] or "[...]"
 
+    def _is_vector(self, role: str, name: object) -> bool:
+        values = self._value(role, name)[0]
+        return values.size == max(values.shape, default=1)
+
     def signal(self, role: str, name: object) -> np.ndarray:
         """A time signal (T,) or (T, n)."""
         if isinstance(name, str):
@@ -277,7 +290,8 @@ class Lookup:
 
     def matrix(self, role: str, name: object) -> np.ndarray:
         """A frequency-dependent (F,) or (F, ny, nu)."""
-        if self.named_axes is not None:
+        one = role in ("bound", "coherence") and isinstance(name, str)  # of all entries alike: a number, or one a point
+        if self.named_axes is not None and not (one and self._is_vector(role, name)):
             return self.arranged(role, name, FREQUENCY_AXES)
         if isinstance(name, str):
             return self.column(role, name)
@@ -290,6 +304,12 @@ class Lookup:
             )
         entries = _equal(role, [self.column(role, item) for row in rows for item in row])
         return np.stack(entries, axis=-1).reshape(-1, len(rows), len(rows[0]))
+
+
+def _structure(columns: Iterable[str]) -> str:
+    """Beginning of all names, "meas.", of a file that holds one structure and nothing else; else empty."""
+    found = {name.rpartition(".")[0] for name in columns}
+    return f"{found.pop()}." if len(found) == 1 and found != {""} else ""
 
 
 def flat(names: object) -> list[str]:

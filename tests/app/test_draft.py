@@ -42,7 +42,7 @@ TABLE = [
     ("four_unlike.npz", {"u1": U, "u2": U[:90], "y1": Y, "y2": Y[:90]}, [ONE, TWO], True),
     ("four_joint.npz", {"u1": U, "u2": U[::-1], "y1": Y, "y2": Y[::-1]}, [None], True),
     ("four_low.npz", {"u_1": U, "y_1": Y, "u_2": U, "y_2": Y}, [{"u": f"u_{k}", "y": f"y_{k}"} for k in (1, 2)], True),
-    ("structure.mat", {"run": STRUCTURE}, [{"u": "run.u", "y": "run.y", "dt": "run.Ts"}], False),
+    ("structure.mat", {"run": STRUCTURE}, [None], False),
     (
         "structures.mat",
         {"a": STRUCTURE, "b": STRUCTURE},

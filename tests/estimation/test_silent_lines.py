@@ -87,3 +87,10 @@ def test_a_line_stays_for_one_entry_and_where_nothing_is_known():
     assert silent_lines(values, radius).tolist() == [False, False, True]
     assert not silent_lines(values, 2 * radius + 1).any()  # no response is larger than its bound
     assert silent_lines(1e-9 * values, 1e-9 * radius).tolist() == [False, False, True]
+
+
+def test_lines_of_thrice_the_largest_known_response_say_nothing():
+    """A sweep that ends at 180 Hz: beyond 172 Hz bounds up to 100 times the largest response, whose values stood for its size."""
+    values = np.ones((4, 1, 1), complex)
+    radius = np.array([0.1, 2.9, 3.1, 30.0])[:, None, None]
+    assert silent_lines(values, radius).tolist() == [False, False, True, True]

@@ -175,8 +175,11 @@ def with_prior(
     single = problem
     problem, found, doubled = _suggested(problem, twice, around, reference)
     more = None
-    if own and not says_something(problem, found):
-        more = _with_integrators(run, single, around) or _with_slow_poles(run, single, around, delay)
+    of_data = double and chosen.source is Source.DATA  # modes or none: a valve that integrates has none
+    if of_data and not says_something(problem, found):
+        more = _with_integrators(run, single, around)
+        if more is None and own:
+            more = _with_slow_poles(run, single, around, delay)
     if more is not None:
         run, problem, found = more
     elif doubled:

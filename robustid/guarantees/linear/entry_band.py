@@ -70,8 +70,8 @@ class EntryBand(Frozen):
 
     @property
     def searched(self) -> bool:
-        """Return whether samples are combined: without, the class alone says what it can."""
-        return bool(np.any(self.multipliers))
+        """Return whether combinations of the samples were searched: without, the class alone says what it can."""
+        return bool(self.complete or np.any(self.multipliers))
 
     @property
     def amplitudes(self) -> tuple[Complex, Real]:
