@@ -1,5 +1,6 @@
 """robustid bounds and robustid verify on real files: exit codes, sentences, interruption."""
 
+import dataclasses
 import importlib.util
 import pathlib
 import signal
@@ -37,6 +38,16 @@ def files(stored, stand_in):
 @pytest.fixture
 def run(capsys, monkeypatch):
     return lambda *arguments: command_line.main(arguments, capsys, monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def structure(stored):
+    """Poles that are suggested by a response, and the identification with them, which is stored as `own`."""
+    data = rid.datasets.flexible_structure(lines=5, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
+    suggested, prior = rid.suggest_kautz(data.frequency), rid.Prior(gain_bound=0.1, decay_rate=1.3)
+    result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=suggested.basis))
+    result.save(stored / "own")
+    return data, suggested, result
 
 
 GRID = ["--omega", "60", "--omega", "110", "--directions", "4"]
@@ -110,12 +121,9 @@ def test_a_controller_is_judged_against_every_consistent_system(files, run):
 
 
 @pytest.mark.usefixtures("unsearched")
-def test_a_band_over_the_poles_from_the_data_is_narrowed_by_cells(files, run):
+def test_a_band_over_the_poles_from_the_data_is_narrowed_by_cells(structure, files, run):
     """Where the error is largest, or at the frequencies that are stated; what is kept holds, and is narrower."""
-    data = rid.datasets.flexible_structure(lines=5, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
-    suggested, prior = rid.suggest_kautz(data.frequency), rid.Prior(gain_bound=0.1, decay_rate=1.3)
-    result = rid.identify(rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=suggested.basis))
-    result.save("own")
+    _, suggested, result = structure
     plain = rid.band(result, box=(suggested.omega_interval, suggested.damping_interval), omega=[30.0])
     code, out, _ = run("bounds", "own", "--omega", "30", "--directions", "3", "-v")
     assert code == 0
@@ -129,13 +137,10 @@ def test_a_band_over_the_poles_from_the_data_is_narrowed_by_cells(files, run):
 
 @pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
 @pytest.mark.usefixtures("unsearched")
-def test_poles_from_the_data_are_covered_where_asked(files, run, workers):
-    data = rid.datasets.flexible_structure(lines=5, samples=3, extra_hz=[17.4, 17.6, 17.7, 17.9])
-    suggested = rid.suggest_kautz(data.frequency)
-    for name, basis in (("own", suggested.basis), ("given", rid.kautz(*data.modes.T, dt=0.01, delay=1))):
-        prior = rid.Prior(gain_bound=0.1, decay_rate=1.3)
-        problem = rid.MixedProblem(frequency=data.frequency, prior=prior, parametric=basis)
-        rid.identify(problem).save(name)
+def test_poles_from_the_data_are_covered_where_asked(structure, files, run, workers):
+    data, _, result = structure
+    given = rid.kautz(*data.modes.T, dt=0.01, delay=1)
+    rid.identify(dataclasses.replace(result.problem, parametric=given)).save("given")
     few = ("--omega", "30", "--directions", "3", "--poles")
     code, out, _ = run("bounds", "own", *few, "--workers", workers, "--resume", "part", "-v")
     assert code == 0

@@ -8,30 +8,9 @@ import pytest
 import scipy.io
 
 import robustid as rid
-from robustid.formats import load_model
 from robustid.identification.verification import Check
 from robustid.identification.verification import verify as consistency_verify
 from support.command_line import CLASS, COMMAND, SHORT, nothing_written, refused
-
-
-def test_identify_reduce_and_report_on_files(files, run):
-    code, out, _ = run([*COMMAND, *CLASS, "-o", "first", "--report", "first.html", "--no-reduce"])
-    assert code == 0
-    assert "onsistent" in out
-    result = rid.load("first")
-    assert result.consistent
-    assert "<html" in (files / "first.html").read_text(encoding="utf-8")
-    code, out, _ = run(["reduce", "first", "-o", "small.mat"])
-    assert code == 0
-    assert "order 4" in out
-    code, _, _ = run(["reduce", "small.mat", "--order", "2", "-o", "smaller.npz"])
-    assert code == 0
-
-    assert load_model("smaller.npz").nstates == 2
-    assert load_model("small.mat").dt == 0.01
-    code, out, _ = run(["report", "first.json", "-o", "again.html", "--no-reduce"])
-    assert code == 0
-    assert (files / "again.html").exists()
 
 
 def test_inconsistent_data_exit_with_3_and_say_what_would_help(files, run):
