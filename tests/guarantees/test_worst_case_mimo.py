@@ -1,7 +1,6 @@
 """Worst-case errors of matrices: closed forms, drawn truths, laws, certificates, storage, refusals."""
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 
 import control
 import numpy as np
@@ -229,19 +228,6 @@ def test_files_with_the_entries_of_others_are_refused(error, tmp_path):
     ):
         with pytest.raises(ValueError, match="polygons"):
             unpack_values(stored | {name: changed}, 1.0, entries)
-
-
-@pytest.mark.slow
-def test_spread_and_resumed_sweeps_give_the_same(error, tmp_path):
-    options = {"omega": error.omega[1:2], "directions": 4, "rtol": 0.3, "resume": tmp_path}
-    with ThreadPoolExecutor(2) as executor:
-        spread = rid.worst_case_error(error.identification, executor=executor, **options)
-    counts = []
-    resumed = rid.worst_case_error(error.identification, progress=lambda text, *count: counts.append(count), **options)
-    assert counts == [(1, 1)]
-    for other in (spread, resumed):
-        assert np.allclose(other.upper, error.upper[1], rtol=1e-9)
-        assert np.allclose(other.sigma_lower, error.sigma_lower[1], rtol=1e-9)
 
 
 def test_the_text_names_entries(error):
