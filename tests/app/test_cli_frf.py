@@ -85,13 +85,12 @@ def test_records_of_an_excitation_give_what_the_library_estimates(files, run):
     assert "input force [N]" in page
 
 
-@pytest.mark.parametrize("name", ["g.csv", "g.mat"])
-def test_names_of_columns_period_lines_and_every_kind_of_file(name, files, run):
+def test_names_of_columns_period_and_lines_and_a_file_of_matlab(files, run):
     fields = [f"--time-field={pair}" for pair in ("u=iq", "u=id", "y=a", "y=b")]
     options = ["--period", "100", "--lines", "1:9:2, 12", "--probability", "0.9"]
-    code, out, err = run(["plain1.csv", "plain2.csv", *fields, *options, "-o", name, "-v"])
+    code, out, err = run(["plain1.csv", "plain2.csv", *fields, *options, "-o", "g.mat", "-v"])
     assert code == 0, err
-    found = rid.load(name)
+    found = rid.load("g.mat")
     records = [rid.load(f"plain{k}.csv", fields={"u": ["iq", "id"], "y": ["a", "b"]}) for k in (1, 2)]
     same(found, estimate_frf(records, period=PERIOD, lines=[1, 3, 5, 7, 9, 12], probability=0.9))
     assert [channel.name for channel in found.inputs] == ["iq", "id"]
@@ -159,10 +158,8 @@ def test_nothing_is_overwritten_unless_forced(files, run):
             ["run1.csv", "run2.csv", "--period", "70"],
             "periods of 70; cut it to 560 samples (--first 560) or correct --period",
         ),
-        (["run1.csv", "run2.csv", "--period", "1"], "--period must be at least 2; got 1"),
         (["run1.csv", "run2.csv", "--period", "600"], "give at least two periods (--period in samples)"),
         (["run1.csv", "run2.csv", "--period", "100", "--method", "local"], '--period belongs to method="periodic"'),
-        (["run1.csv", "run2.csv", "--method", "fast"], "--method must be one of periodic, local, welch; got 'fast'"),
         (
             ["run1.csv", "run2.csv", "--period", "100", "--probability", "95"],
             "--probability must be between 0 and 1; got 95",
@@ -172,7 +169,6 @@ def test_nothing_is_overwritten_unless_forced(files, run):
             "--lines must be whole numbers from 0 to period//2 = 50",
         ),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "1:9:0"], "--lines must be numbers such as 11:250"),
-        (["run1.csv", "run2.csv", "--period", "100", "--lines", "1::9"], "--lines must be numbers such as 11:250"),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "1:99999999999"], "beyond half of the 600 samples"),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "odd"], "or a file of robustid excite; got 'odd'"),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "play.csv"], "leave --period out"),
@@ -187,7 +183,6 @@ def test_nothing_is_overwritten_unless_forced(files, run):
         (["run1.csv", "run2.csv", "--initial", "soon"], "--initial must be one of rest, free, periodic; got 'soon'"),
         (["run1.csv", "run2.csv", "-o", "frf.uff"], "--output frf.uff must end in .npz, .csv or .mat"),
         (["run1.csv", "run2.csv", "-o", "run1.csv", "--force"], "run1.csv is one of the files to be read"),
-        (["run1.csv", "run2.csv", "--report", "nowhere/a.html"], "the folder nowhere does not exist"),
     ],
 )
 def test_misuse_is_one_sentence_and_writes_nothing(arguments, sentence, files, run):

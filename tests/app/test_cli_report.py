@@ -80,7 +80,7 @@ def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path, monk
 
 
 def test_without_options_no_guarantee_is_claimed(run, tmp_path):
-    assert run("mine", "--no-reduce")[0] == 0
+    assert run("mine.json", "--no-reduce")[0] == 0
     assert "guarante" not in Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
 
 

@@ -292,6 +292,7 @@ def test_identify_reduced_of_a_problem():
         problem, omega=[60.0, 110.0], directions=3, progress=lambda text, *_: lines.append(text)
     )
     assert result.identification.margin == rid.identify(problem).margin
+    assert result.wider is None  # no band of wider bounds: that is for data that contradict their class
     np.testing.assert_allclose(result.error.omega, [60.0, 110.0], rtol=1e-15)
     np.testing.assert_array_equal(result.error.upper, result.worst_case.with_model(result.model).upper)
     assert "bounding the error at every frequency" in lines

@@ -8,7 +8,6 @@ import pytest
 import robustid as rid
 from robustid.app.run import findings
 from robustid.app.run.settings import Modes
-from support.command_line import words
 from support.run_files import ask
 
 OMEGA, DAMPING = np.array([40.0, 70.0]), np.array([0.02, 0.03])
@@ -68,18 +67,6 @@ def test_a_sweep_at_exact_poles_is_no_part_of_the_band_over_their_box(tmp_path, 
     assert found.band.polygons is None
     assert np.any(found.error.upper < found.band.error_at(found.error.omega))  # it would have lowered it
     assert "stand on exact poles and are not part of the curve" in (tmp_path / "out" / "report.html").read_text()
-
-
-@pytest.mark.slow  # quick: by default above, and the command with sampled data in test_cli_bounds
-def test_the_command_covers_the_box_of_continuous_data(tmp_path, response, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    suggested, prior = rid.suggest_kautz(response), rid.Prior(gain_bound=2.0, decay=60.0)
-    rid.identify(rid.MixedProblem(frequency=response, prior=prior, parametric=suggested.basis)).save("one")
-    few = ["--omega", "40", "--directions", "3", "--poles", "--time-limit", "6"]
-    code, out, _ = words(["bounds", "one", *few, "-v"], capsys, monkeypatch)
-    assert code == 0
-    assert "with every pole in the pole-uncertainty box" in out
-    assert rid.load("bounds-poles").certified
 
 
 @pytest.fixture(scope="module")

@@ -98,6 +98,7 @@ def test_the_whole_is_no_model_and_says_why_once(whole):
     data, whole = whole
     result = whole.identification
     assert not result.consistent
+    assert whole.wider is None  # no worst case was asked for
     assert whole.run_file.prior.without == ("time 1",)
     _, clean = chosen(structure(0), run=OF_STRUCTURE) if len(data[1][0].u) == 12 else chosen_of_structure(0)
     assert result.problem.prior.gain_bound <= 2 * clean.prior.gain_bound

@@ -47,21 +47,3 @@ def test_systems_that_keep_the_wider_bounds_are_inside_of_it(refuted):
         assert np.all(np.abs(values - nominal) <= upper * (1 + 1e-9))
         farthest = max(farthest, float(np.max(np.abs(values - centre) / radius)))
     assert farthest > 0.05  # no wonder of a huge radius
-
-
-@pytest.mark.usefixtures("unreduced")
-def test_consistent_data_have_none():
-    data = rid.datasets.flexible_structure(seed=0, lines=6, samples=4)
-    quick = {"prior": PRIOR, "omega": [60.0], "directions": 4}
-    found = rid.identify_reduced([data.frequency, data.time], modes=[(9.0, 0.1), (17.67, 0.004)], **quick)
-    assert found.consistent
-    assert found.wider is None
-    assert found.band is not None
-
-
-@pytest.mark.usefixtures("unreduced")
-def test_it_is_left_out_where_no_worst_case_is_asked_for():
-    data = rid.datasets.flexible_structure(seed=0, lines=8, samples=6)
-    found = rid.identify_reduced([data.frequency, data.time], modes=MODES, prior=PRIOR, worst_case=False)
-    assert not found.consistent
-    assert found.wider is None

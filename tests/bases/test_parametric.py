@@ -9,13 +9,13 @@ import pytest
 import robustid as rid
 from robustid.bases import as_basis, input_normal_pair, solve_stein
 from robustid.core import ZPlane
+from support.pairwise import every_one
 from support.refusals import refusals
 
 pytestmark = pytest.mark.quick
 
 
-@pytest.mark.parametrize("delay", [0, 1, 3])
-@pytest.mark.parametrize("repeat", [1, 2, 3])
+@pytest.mark.parametrize(("delay", "repeat"), every_one([0, 1, 3], [1, 2, 3]))
 def test_kautz_spans_the_impulse_responses_of_its_pole(delay, repeat):
     omega, damping, dt = 2 * np.pi * 8, 0.03, 0.01
     basis = rid.kautz(omega, damping, dt=dt, repeat=repeat, delay=delay)

@@ -7,6 +7,7 @@ from robustid.core import Response, StateMatrices
 from robustid.core.coprime import closed_loop, decay_of, inverse, loop_factors, mirroring_feedback, normalised_factors
 from robustid.errors import InputError
 from support.loops import controller_of, pair_of, points
+from support.pairwise import every_one
 from support.refusals import refused
 
 TIMES = (0.1, 0.0)
@@ -40,8 +41,7 @@ def test_factors_of_a_loop_are_stable_and_those_of_its_systems(dt, integrators, 
     assert apart(values(closed_loop(plant, controller), dt), np.linalg.inv(both)) < 1e-10
 
 
-@pytest.mark.parametrize("dt", TIMES)
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("dt", "seed"), every_one(TIMES, range(5)))
 def test_normalised_factors_are_an_isometry(dt, seed):
     plant, _ = pair_of(seed, dt)
     factors = values(normalised_factors(plant, dt), dt)

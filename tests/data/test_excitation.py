@@ -14,6 +14,7 @@ from robustid.estimation import response_alone
 from robustid.formats import load_excitation
 from support.cases import seeds, slow
 from support.mimo_data import real_poles
+from support.pairwise import every_one
 from support.refusals import refusals
 
 DT = 0.01
@@ -39,8 +40,7 @@ def test_synthesis_is_the_sum_of_cosines():
     np.testing.assert_allclose(synthesise(phases, amplitude, lines, 15), u, atol=1e-14)
 
 
-@pytest.mark.parametrize("rotations", [[0.0], [0.0, 2 * np.pi / 3, 4 * np.pi / 3]])
-@pytest.mark.parametrize("p", [1, 2, 16, 512])
+@pytest.mark.parametrize(("p", "rotations"), every_one([1, 2, 16, 512], [[0.0], [0.0, 2 * np.pi / 3, 4 * np.pi / 3]]))
 def test_objective_and_gradient_by_brute_force(p, rotations):
     rng, lines, rotations = np.random.default_rng(p), np.array([1, 3, 4, 9]), np.array(rotations)
     amplitude, phases = rng.uniform(0.2, 2, 4), rng.uniform(0, 6, 4)

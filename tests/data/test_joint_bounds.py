@@ -14,6 +14,7 @@ from robustid.report.fit_charts import response_charts
 from robustid.report.fit_view import FitView
 from support.bounds import rebound
 from support.mimo_data import DT, KINDS, complex_normal, positive_definite, response, same
+from support.pairwise import every_one
 from support.refusals import refusals
 
 # --- what a bound means -------------------------------------------------------------------------------------------------
@@ -107,8 +108,7 @@ def test_permuted_channels(joint, missing):
     np.testing.assert_allclose(other.ratio(error[:, rows][:, :, columns]), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("power", [-60, 60])
-@pytest.mark.parametrize(("joint", "missing"), KINDS)
+@pytest.mark.parametrize(("joint", "missing", "power"), every_one(KINDS, [-60, 60]))
 def test_units_do_not_matter(joint, missing, power):
     frf = response(5, joint, missing=missing)
     rows = 2.0 ** np.array([power, 0, -power // 2])[:, None]  # another unit for every output

@@ -10,6 +10,7 @@ from robustid.data import FaultKind
 from robustid.estimation.record_faults import found_period
 from support.cases import slow
 from support.fault_plants import recipes, step
+from support.pairwise import every_one
 
 DT, PERIOD = 0.01, 100
 
@@ -194,8 +195,7 @@ def test_the_loop_of_the_cd_player_is_found():
     assert any("follows earlier outputs" in str(fault) for fault in faults)
 
 
-@pytest.mark.parametrize("samples", [60, 200, 500])
-@pytest.mark.parametrize("name", ["stage", "arm", "heater"])
+@pytest.mark.parametrize(("name", "samples"), every_one(["stage", "arm", "heater"], [60, 200, 500]))
 def test_an_answer_to_one_step_is_told_nothing(name, samples):
     """It looks like a drift, a tone, a point of operation, or exchanged columns."""
     recipe = recipes()[name]

@@ -9,6 +9,7 @@ import scipy.linalg
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.integrator_chains import chain
 from support.mechanics import check_symmetric_tangent, check_tangent, unscaled
+from support.pairwise import every_one
 
 OMEGA = np.linspace(0.3, 3, 11)
 
@@ -32,8 +33,9 @@ def block_model(seed, n, nu, count, discrete):
     return BlockModel.of(A, B, discrete=discrete, directions=directions, free=free), A, B, xi
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize(("n", "nu", "count"), [(7, 1, 0), (8, 2, 1), (1, 1, 0), (5, 3, 2)])
+@pytest.mark.parametrize(
+    ("n", "nu", "count", "discrete"), every_one([(7, 1, 0), (8, 2, 1), (1, 1, 0), (5, 3, 2)], [False, True])
+)
 def test_states_and_rows_against_linear_solves(discrete, n, nu, count):
     model, *_, xi = block_model(n, n, nu, count, discrete)
     A, B = model.matrices()
@@ -44,8 +46,9 @@ def test_states_and_rows_against_linear_solves(discrete, n, nu, count):
         assert np.allclose(rows, C @ resolvent, rtol=1e-11, atol=1e-12)
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize(("n", "nu", "count"), [(7, 1, 0), (8, 2, 1), (1, 1, 0), (5, 3, 2)])
+@pytest.mark.parametrize(
+    ("n", "nu", "count", "discrete"), every_one([(7, 1, 0), (8, 2, 1), (1, 1, 0), (5, 3, 2)], [False, True])
+)
 def test_the_tangent_is_the_derivative(discrete, n, nu, count):
     """Central differences of the response, and n*nu coordinates where no direction is held."""
     model, *_, xi = block_model(n, n, nu, count, discrete)
@@ -55,8 +58,7 @@ def test_the_tangent_is_the_derivative(discrete, n, nu, count):
     check_tangent(tangent, lambda step: C @ unscaled(model, step).states(xi))
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize(("n", "nu", "count"), [(7, 1, 0), (8, 2, 1), (5, 3, 2)])
+@pytest.mark.parametrize(("n", "nu", "count", "discrete"), every_one([(7, 1, 0), (8, 2, 1), (5, 3, 2)], [False, True]))
 def test_the_tangent_of_symmetric_blocks_is_the_derivative(discrete, n, nu, count):
     model, *_, xi = block_model(n, n, nu, count, discrete)
     check_symmetric_tangent(model, xi, lambda step: unscaled(model, step))

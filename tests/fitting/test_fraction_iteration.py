@@ -19,6 +19,7 @@ from support.mfd_systems import (
     random_modal_system,
     relative_error,
 )
+from support.pairwise import every_two
 from support.refusals import refused
 
 
@@ -30,15 +31,13 @@ def structure(seed, *, level=0.01, modes=20, ports=4, lines=1000):
     return omega, truth, noisy(np.random.default_rng(1000 + seed), truth, level)
 
 
-CASES = [(1, 1, 4), (2, 3, 7), (3, 2, 7), (3, 4, 2), (2, 2, 5), (4, 4, 13)]
+SIZES = [(1, 1, 4), (2, 3, 7), (3, 2, 7), (3, 4, 2), (2, 2, 5), (4, 4, 13)]
 
 
-@pytest.mark.parametrize("form", ["right", "left"])
-@pytest.mark.parametrize("feedthrough", [False, True])
-@pytest.mark.parametrize("dt", [None, 1e-3])
-@pytest.mark.parametrize("size", CASES, ids=str)
-def test_exact_data_give_back_the_system(size, dt, feedthrough, form):
-    ny, nu, order = size
+@pytest.mark.parametrize(
+    ("ny", "nu", "order", "dt", "feedthrough", "form"), every_two(SIZES, [None, 1e-3], [False, True], ["right", "left"])
+)
+def test_exact_data_give_back_the_system(ny, nu, order, dt, feedthrough, form):
     omega, values, truth = poles_and_residues(3, ny, nu, order, dt=dt, feedthrough=feedthrough)
     problem = FractionProblem(omega, values, order, Weight.relative(values), dt=dt, feedthrough=feedthrough)
     problem = problem if form == "right" else problem.transposed()

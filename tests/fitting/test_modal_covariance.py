@@ -13,6 +13,7 @@ from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.real_modes import RealModes
 from support.cases import slow
 from support.mechanics import BETWEEN, OMEGA, check_tangent, measured, mechanical, unscaled
+from support.pairwise import every_two
 
 LEVEL = 0.01
 STRUCTURES = {
@@ -43,9 +44,7 @@ def model_of(kind, discrete):
     return model, coefficients
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("tied", [False, True])
-@pytest.mark.parametrize("kind", ["real", "blocks"])
+@pytest.mark.parametrize(("kind", "tied", "discrete"), every_two(["real", "blocks"], [False, True], [False, True]))
 def test_changes_of_gains_are_derivatives(kind, tied, discrete):
     model, coefficients = model_of(kind, discrete)
     fixed = np.tensordot(coefficients, model.tied_outputs(), 1)

@@ -9,6 +9,7 @@ from scipy.signal import cont2discrete
 from robustid.core import response_at
 from robustid.fitting.state_space.real_modes import RealModes, mode_gains
 from support.mechanics import check_symmetric_tangent, check_tangent
+from support.pairwise import every_one
 
 OMEGA = np.linspace(0.3, 2.9, 12)
 POWERS = (0, 1, 2)
@@ -38,8 +39,7 @@ def physical(model, k):
     return cont2discrete((A, B, np.atleast_2d(C), [[D]]), 1.0)[:4]
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("power", POWERS)
+@pytest.mark.parametrize(("discrete", "power"), every_one([False, True], POWERS))
 def test_a_mode_is_a_mass_on_a_spring(discrete, power):
     model, xi = modes(discrete, power), nodes(discrete)
     states = model.states(xi)
@@ -49,8 +49,7 @@ def test_a_mode_is_a_mass_on_a_spring(discrete, power):
         assert np.allclose(states[:, k], wanted[:, 0] * model.inputs[k], rtol=1e-9)
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize(("power", "count"), [(0, 0), (1, 0), (2, 0), (0, 2)])
+@pytest.mark.parametrize(("power", "count", "discrete"), every_one([(0, 0), (1, 0), (2, 0), (0, 2)], [False, True]))
 def test_the_tangent_is_the_derivative(discrete, power, count):
     model, xi = modes(discrete, power, count), nodes(discrete)
     C = np.random.default_rng(3).standard_normal((2, model.order))
@@ -66,8 +65,7 @@ def test_the_tangent_of_symmetric_modes_is_the_derivative(discrete):
     check_symmetric_tangent(model, nodes(discrete), model.moved)
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize(("power", "count"), [(0, 0), (1, 0), (2, 0), (0, 2)])
+@pytest.mark.parametrize(("power", "count", "discrete"), every_one([(0, 0), (1, 0), (2, 0), (0, 2)], [False, True]))
 def test_the_state_space_has_two_states_a_mode_and_that_response(discrete, power, count):
     model, xi = modes(discrete, power, count), nodes(discrete)
     rng = np.random.default_rng(5)
@@ -80,8 +78,7 @@ def test_the_state_space_has_two_states_a_mode_and_that_response(discrete, power
     assert np.array_equal(found.A[chains:, chains:] - discrete * np.eye(2 * count), np.eye(2 * count, k=count))
 
 
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("power", POWERS)
+@pytest.mark.parametrize(("discrete", "power"), every_one([False, True], POWERS))
 def test_gains_are_residues(discrete, power):
     model = dataclasses.replace(modes(discrete, power), square=np.array([1.2, 0.3, 0.5, 0.9]))
     pole, near = model.poles[::2], 1e-6

@@ -18,6 +18,7 @@ from robustid.fitting.state_space.withheld_points import left_out_cost
 from support.cases import slow
 from support.interrupts import ctrl_c_at_call
 from support.mfd_systems import noisy, random_modal_system, relative_error, stand_in
+from support.pairwise import every_one
 
 OMEGA = 2 * np.pi * np.geomspace(4, 1200, 120)
 
@@ -52,8 +53,9 @@ def start_of(problem):
     return data, found, start
 
 
-@pytest.mark.parametrize("kind", ["entries", "rows alike", "separable", "matrix"])
-@pytest.mark.parametrize("feedthrough", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "feedthrough"), every_one(["entries", "rows alike", "separable", "matrix"], [False, True])
+)
 def test_outputs_and_directions_against_dense_least_squares(kind, feedthrough):
     """C and D against one stacked problem, the cost against the criterion, directions against its projection."""
     problem = problem_of(0, 3, 2, 3, 6, kind=kind, feedthrough=feedthrough)

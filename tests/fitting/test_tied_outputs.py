@@ -7,6 +7,7 @@ from robustid.fitting import FractionProblem, Weight
 from robustid.fitting.modal.modal_fit import TiedOutputs, symmetric_matrices
 from robustid.fitting.state_space.block_model import BlockModel
 from robustid.fitting.state_space.real_modes import RealModes
+from support.pairwise import every_two
 
 OMEGA = np.linspace(0.2, 1.9, 25)
 
@@ -49,9 +50,9 @@ def brute_force(problem, model):
     return cost, sum(x * np.hstack(gain) for x, gain in zip(found, gains, strict=True))
 
 
-@pytest.mark.parametrize("feedthrough", [False, True])
-@pytest.mark.parametrize("weighted", ["entries", "mixed"])
-@pytest.mark.parametrize("kind", ["real", "blocks"])
+@pytest.mark.parametrize(
+    ("kind", "weighted", "feedthrough"), every_two(["real", "blocks"], ["entries", "mixed"], [False, True])
+)
 def test_least_squares_and_importance(kind, weighted, feedthrough):
     problem = problem_of(weighted, feedthrough)
     model = model_of(kind, problem)

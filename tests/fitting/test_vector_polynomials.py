@@ -7,6 +7,7 @@ from robustid.errors import InputError
 from robustid.fitting import orthonormal_polynomials, polynomial_nodes
 from robustid.fitting.fraction.householder import orthonormal, triangle, triangle_inverse
 from robustid.fitting.fraction.krylov_blocks import block_layout
+from support.pairwise import every_one
 
 pytestmark = pytest.mark.quick
 PATTERNS = [[4, 4, 3], [5, 5, 5, 5], [1, 0, -1], [0, 0, 0], [3, 2, 2, 1], [2, 3, 3]]
@@ -33,8 +34,7 @@ def monomials(xi, limits):
             yield one
 
 
-@pytest.mark.parametrize("dt", [None, 0.01])
-@pytest.mark.parametrize("limits", PATTERNS, ids=str)
+@pytest.mark.parametrize(("limits", "dt"), every_one(PATTERNS, [None, 0.01]))
 def test_orthonormal_in_the_right_span_and_evaluated_anywhere(limits, dt):
     rng, xi, columns = problem(0, limits, dt)
     basis = orthonormal_polynomials(columns, xi, limits)
@@ -51,8 +51,7 @@ def test_orthonormal_in_the_right_span_and_evaluated_anywhere(limits, dt):
         np.testing.assert_allclose(basis.polynomials(points) @ coordinates, elsewhere, atol=1e-6)
 
 
-@pytest.mark.parametrize("dt", [None, 0.01])
-@pytest.mark.parametrize("limits", PATTERNS, ids=str)
+@pytest.mark.parametrize(("limits", "dt"), every_one(PATTERNS, [None, 0.01]))
 def test_monic_minimum_is_the_least_squares_solution(limits, dt):
     for seed in range(10):
         rng, xi, columns = problem(seed, limits, dt)

@@ -27,6 +27,9 @@ def test_a_plant_at_the_edge_is_inside_every_band_and_interval(seed):
     assert np.all(error.lower <= error.upper)
     assert np.all(error.sigma_lower <= error.sigma_upper)
     assert np.all(error.sigma_upper <= norm_of_bounds(error.upper))
+    assert np.all(error.sigma_lower >= error.lower.max(axis=(1, 2)))
+    low, high = np.moveaxis(error.magnitude, -1, 0)
+    assert np.all((low <= np.abs(truth(error.omega))) & (np.abs(truth(error.omega)) <= high))
     for entry in np.ndindex(off.shape[1:]):
         assert all(
             one.excludes(value) == 0

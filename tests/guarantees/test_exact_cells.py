@@ -9,6 +9,7 @@ import pytest
 import robustid as rid
 from robustid.guarantees import PoleCell
 from robustid.guarantees.exact_cells import relaxed_enough
+from support.pairwise import every_one
 from support.pole_cells import drawn_cell
 
 pytest.importorskip("flint", reason="python-flint is not installed: robustid[exact]")
@@ -26,8 +27,9 @@ def problem_of(shape: tuple[int, ...]) -> rid.MixedProblem:
     return rid.MixedProblem(frequency=frf, time=record, prior=rid.Prior(gain_bound=1.0, decay_rate=1.2))
 
 
-@pytest.mark.parametrize("width", [0.0, 1e-11, 1e-3, 0.1, 0.3])
-@pytest.mark.parametrize(("delay", "shape"), [(0, ()), (1, (2, 2)), (2, (1, 3))])
+@pytest.mark.parametrize(
+    ("width", "delay", "shape"), every_one([0.0, 1e-11, 1e-3, 0.1, 0.3], [(0, ()), (1, (2, 2)), (2, (1, 3))])
+)
 def test_cells_cover_their_poles(width: float, delay: int, shape: tuple[int, ...]) -> None:
     """Five drawn cells of every width, delay and shape: all of them."""
     rng = np.random.default_rng(delay)

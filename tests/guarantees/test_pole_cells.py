@@ -9,6 +9,7 @@ import robustid as rid
 from robustid.guarantees import PoleCell
 from robustid.identification.formulation import ExactFormulation
 from support.cases import slow
+from support.pairwise import every_one
 from support.pole_cells import drawn_cell, drawn_poles, expansion, functions_at, impulse_of, modes_at
 from support.structure import about_structure
 
@@ -16,8 +17,7 @@ DT = 0.01
 TIMES = [{"dt": DT, "delay": 0}, {"dt": DT, "delay": 1}, {"dt": DT, "delay": 2}, {"dt": 0.0}]
 
 
-@pytest.mark.parametrize("dt", [DT, 0.0])
-@pytest.mark.parametrize("width", [1e-11, 0.01, 0.1, 0.3])
+@pytest.mark.parametrize(("dt", "width"), every_one([DT, 0.0], [1e-11, 0.01, 0.1, 0.3]))
 def test_the_radius_covers_the_box(width, dt):
     rng, largest = np.random.default_rng(0), 0.0
     for _ in range(20):

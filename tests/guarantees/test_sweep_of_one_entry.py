@@ -11,6 +11,7 @@ from robustid.guarantees.value_set import along, directions_at, gap_of, value_se
 from robustid.identification.formulation import ExactFormulation
 from robustid.identification.formulation.sarason import PairMap
 from support.cases import seeds
+from support.pairwise import every_one
 
 PI = np.pi
 
@@ -80,8 +81,7 @@ def test_directions_come_with_those_on_both_sides_before_them():
     assert bisected(16)[:8] == [0, 4, 8, 12, 2, 6, 10, 14]
 
 
-@pytest.mark.parametrize("directions", [3, 4, 8, 16, 24, 64])
-@pytest.mark.parametrize("rtol", [1e-3, 0.02, 0.05, 0.3, 2.0])
+@pytest.mark.parametrize(("rtol", "directions"), every_one([1e-3, 0.02, 0.05, 0.3, 2.0], [3, 4, 8, 16, 24, 64]))
 def test_gaps_and_corners_together_keep_the_tolerance(rtol, directions):
     """Of a disc: (1 + gap)/cos(pi/m) is what its radius may seem to be; where corners alone miss it a fifth of it is asked for."""
     gap = gap_of(rtol, directions, True)

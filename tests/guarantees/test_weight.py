@@ -9,6 +9,7 @@ import pytest
 
 import robustid as rid
 from robustid.guarantees import entry_weights, magnitude_weight, robust_stability_margin, uncertainty_weight
+from support.pairwise import every_one
 from support.weights import check_densely, largest_on, mode, modulus, random_model, values_of
 
 pytestmark = pytest.mark.quick
@@ -26,8 +27,7 @@ def drawn_errors(rng, cells_edges, bound, count):
     return omega, bound[cell] * size * np.exp(2j * np.pi * rng.random(shape))
 
 
-@pytest.mark.parametrize("channels", [1, 2])
-@pytest.mark.parametrize("kind", ["additive", "multiplicative", "inverse"])
+@pytest.mark.parametrize(("kind", "channels"), every_one(["additive", "multiplicative", "inverse"], [1, 2]))
 def test_every_drawn_plant_has_an_uncertainty_of_at_most_one(rng, kind, channels):
     nominal = random_model(rng, channels, channels)
     nominal.D += 8 * np.eye(channels)  # no zeros near the circle

@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.guarantees import magnitude_weight, robust_stability_margin, structured_weight, structured_weights
 from robustid.guarantees.cells import STRUCTURES, implied, log_volume, shape_of
 from support.cases import slow
+from support.pairwise import every_one
 from support.weights import modulus, random_model, values_of
 
 EDGES = np.linspace(0, np.pi, 13) / 0.1
@@ -38,8 +39,7 @@ def blocks_of(matrices, shape):
     return [np.split(row, shape[1], axis=-1) for row in rows]
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("size", [(2, 2), (2, 3), (1, 2)])
+@pytest.mark.parametrize(("structure", "size"), every_one(STRUCTURES, [((2, 2),), ((2, 3),), ((1, 2),)]))
 def test_bounds_that_follow_from_others_hold(rng, structure, size):
     bounds, errors = drawn_bounds(rng, size)
     own = sizes_of(errors, shape_of(structure, size))

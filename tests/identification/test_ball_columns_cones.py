@@ -20,9 +20,11 @@ from robustid.identification.formulation.taylor_columns import ShiftColumns, Shi
 from robustid.identification.solver import cones as discs
 from robustid.identification.solver.cones import longest_step
 from support.cases import seeds
+from support.pairwise import every_one
 from support.paths import arrow, dense_scaling, times, triple
 
 pytestmark = pytest.mark.quick
+ENTRIES = [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)]
 
 
 def hankel_basis(n):
@@ -101,8 +103,9 @@ def test_the_quadrature_of_a_pair_against_its_stored_matrices(radius):
         check_blocks(passive, [(sarason.basis + sarason.basis.transpose(0, 2, 1)) / 2], rng)
 
 
-@pytest.mark.parametrize("entries", [Entries(2, 2), Entries(2, 2, symmetric=True), Entries(3, 3)])
-@pytest.mark.parametrize("radius", [0.5, 0.97])
+@pytest.mark.parametrize(
+    ("entries", "radius"), every_one([Entries(2, 2), Entries(2, 2, symmetric=True), Entries(3, 3)], [0.5, 0.97])
+)
 def test_a_passive_class_of_several_ports_against_its_stored_matrices(entries, radius):
     for seed in range(5):
         rng = np.random.default_rng([int(100 * radius), seed])
@@ -118,8 +121,7 @@ def test_a_pair_without_the_quadrature_does_without_it():
     assert np.allclose(sarason.ball(quick=True).matrices(x)[1], np.tensordot(x, sarason.symmetric_basis, 1))
 
 
-@pytest.mark.parametrize("entries", [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)])
-@pytest.mark.parametrize("radius", [0.5, 0.97])
+@pytest.mark.parametrize(("entries", "radius"), every_one(ENTRIES, [0.5, 0.97]))
 def test_the_matrix_ball_by_quadrature_against_stored_matrices(entries, radius):
     for seed in range(5):
         rng = np.random.default_rng([int(100 * radius), seed])
@@ -131,8 +133,7 @@ def test_the_matrix_ball_by_quadrature_against_stored_matrices(entries, radius):
         check_blocks(sarason.ball(), [A], rng)
 
 
-@pytest.mark.parametrize("entries", [Entries(2, 1), Entries(1, 3), Entries(2, 2), Entries(2, 2, symmetric=True)])
-@pytest.mark.parametrize("zeros", [[0.5j], [0.3 + 0.4j, -0.2], [0.1, 0.7]])
+@pytest.mark.parametrize(("entries", "zeros"), every_one(ENTRIES, [[0.5j], [0.3 + 0.4j, -0.2], [0.1, 0.7]]))
 def test_the_matrix_ball_of_a_repeated_section_against_stored_matrices(entries, zeros):
     rng, sarason = np.random.default_rng(0), SectionMap(Sections(np.array(zeros), 3), entries)
     H = np.array([sarason.turned(X) for X in sarason.unit_matrices])
@@ -279,9 +280,9 @@ def random_columns(rng, lines, samples, length, parameters):
 
 
 @pytest.mark.parametrize(
-    ("lines", "samples", "tilted"), [(17, 5, False), (17, 5, True), (40, 0, False), (0, 9, False), (1, 0, False)]
+    ("lines", "samples", "tilted", "parameters"),
+    every_one([(17, 5, False), (17, 5, True), (40, 0, False), (0, 9, False), (1, 0, False)], [0, 3]),
 )
-@pytest.mark.parametrize("parameters", [0, 3])
 def test_generated_columns_and_their_non_uniform_transforms(lines, samples, tilted, parameters):
     for seed, length in enumerate((1, 2, 33, 100)):
         rng = np.random.default_rng([lines, parameters, seed])

@@ -149,15 +149,6 @@ def test_inconsistent_data_come_with_a_proof_and_a_model():
         result.require()
 
 
-@pytest.mark.parametrize("seeds", [2, slow(10)])
-def test_more_data_never_lower_the_margin(seeds):
-    """Dropping samples from inconsistent problems: the margin never grows."""
-    for seed in range(seeds):
-        full = random_problem(seed, "mixed", 16, spread=0.2, noise=4.0)
-        fewer = dataclasses.replace(full, frequency=full.frequency[0].select(slice(None, None, 2)))
-        assert rid.identify(fewer).margin <= rid.identify(full).margin + 1e-6
-
-
 def test_other_solutions_keep_every_residual(found):
     for E in (0.7, -0.7, control.ss([[0.3]], [[0.5]], [[0.5]], [[0.1]], True)):
         for mine, theirs in zip(found.residuals, model_residuals(found.problem, found.solution(E)), strict=True):

@@ -9,10 +9,11 @@ import pytest
 import robustid as rid
 from robustid.core import StateMatrices, closed_loop, decay_of, response_at, simulate
 from support.loops import pair_of, points
+from support.pairwise import every_one, every_two
 from support.refusals import refused
 
 TIMES = (0.1, 0.0)
-CASES = [(dt, integrators, seed) for dt in TIMES for integrators in (False, True) for seed in range(8)]
+CASES = every_two(TIMES, [False, True], range(8))  # sample times, integrators, seeds
 
 
 def apart(found, expected):
@@ -60,8 +61,7 @@ def test_identities_of_the_loop(dt, integrators, seed):
     assert np.all(np.abs(whole - det(other + R @ Q)) < 1e-10 * np.maximum(1.0, np.abs(whole)))
 
 
-@pytest.mark.parametrize("dt", TIMES)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(("dt", "seed"), every_one(TIMES, range(8)))
 def test_another_controller_stabilises_the_plant_if_its_parameter_stabilises_the_residual(dt, seed):
     loop, plant, controller = case(dt, False, seed)
     residual, found = StateMatrices.of(loop.residual_of(control.ss(*plant, dt))), set()
@@ -88,8 +88,7 @@ def records_of(seed, *, periodic=False, noise=0.0, size=(1, 1), samples=400):
     return auxiliary, controller, record, v[kept]
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-@pytest.mark.parametrize("size", [(1, 1), (2, 1), (2, 3)])
+@pytest.mark.parametrize(("periodic", "size"), every_one([False, True], [((1, 1),), ((2, 1),), ((2, 3),)]))
 def test_a_record_of_the_loop_is_one_of_the_residual_in_open_loop(periodic, size):
     """Its input does not depend on the noise; without noise its output is R of it."""
     plant, controller, record, _ = records_of(3, periodic=periodic, size=size)

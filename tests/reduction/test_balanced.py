@@ -8,12 +8,12 @@ import scipy.linalg as sla
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hankel_singular_values
 from support.cases import slow
+from support.pairwise import every_one
 from support.reduction_models import SMALL_MODELS, gap, mode, peak, points_of, random_model, response
 from support.refusals import refusals
 
 
-@pytest.mark.parametrize("zeta", [0.5, 0.02, 1e-3, 1e-5])
-@pytest.mark.parametrize("omega", [1.0, 111.0, 1e4])
+@pytest.mark.parametrize(("zeta", "omega"), every_one([0.5, 0.02, 1e-3, 1e-5], [1.0, 111.0, 1e4]))
 def test_single_mode_has_its_closed_form(zeta, omega):
     model, exact = mode(zeta, omega)
     np.testing.assert_allclose(hankel_singular_values(model), exact, rtol=1e-14 / zeta)
@@ -28,8 +28,7 @@ def test_bilinear_transformation_keeps_the_hankel_values(zeta, rtol):
     np.testing.assert_allclose(hankel_singular_values(sampled), exact, rtol=rtol)
 
 
-@pytest.mark.parametrize("rotate", [False, True])
-@pytest.mark.parametrize("length", [1, 7, 60])
+@pytest.mark.parametrize(("rotate", "length"), every_one([False, True], [1, 7, 60]))
 def test_finite_impulse_response_has_the_values_of_its_hankel_matrix(length, rotate):
     rng = np.random.default_rng(length)
     taps = rng.standard_normal(length)
@@ -48,8 +47,7 @@ def test_distinct_values_count_once():
 
 
 @pytest.mark.parametrize("models", [4, pytest.param(150, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("match", [None, "static gain"])
+@pytest.mark.parametrize(("discrete", "match"), every_one([False, True], [None, "static gain"]))
 def test_bound_holds_at_every_order_of_random_models(match, discrete, models):
     # 150 models each in continuous and discrete time: 1189 truncations each, all stable and within.
     checked = 0

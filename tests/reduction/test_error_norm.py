@@ -10,14 +10,14 @@ from robustid.core import StateMatrices
 from robustid.errors import InputTypeError
 from robustid.reduction import ReductionStatus, balanced_truncation, hinf_error, hinf_norm
 from support.cases import slow
+from support.pairwise import every_one
 from support.reduction_models import SMALL_MODELS, flexible, gap, mode, points_of, random_model, response
 from support.refusals import refusals
 
 NOTHING = control.StateSpace([], [], [], [[0.0]])
 
 
-@pytest.mark.parametrize("zeta", [0.5, 0.02, 1e-4, 1e-7])
-@pytest.mark.parametrize("omega", [1.0, 1e4])
+@pytest.mark.parametrize(("zeta", "omega"), every_one([0.5, 0.02, 1e-4, 1e-7], [1.0, 1e4]))
 def test_peak_of_a_mode_has_its_closed_form(zeta, omega):
     model, _ = mode(zeta, omega)
     found = hinf_error(model, NOTHING)

@@ -65,8 +65,7 @@ def test_gramians_of_a_band_are_the_integrals_over_it(discrete, band):
 
 
 @pytest.mark.parametrize("seeds", [1, slow(3)])
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("horizon", [0.2, 1.3, 6.0])
+@pytest.mark.parametrize(("discrete", "horizon"), every_one([False, True], [0.2, 1.3, 6.0]))
 def test_gramians_of_a_horizon_are_the_integrals_over_it(discrete, horizon, seeds):
     for seed in range(seeds):
         model = damped_model(seed, discrete=discrete)
@@ -111,8 +110,9 @@ def test_gramian_with_a_weight_is_the_integral_over_all_frequencies(discrete):
 
 
 @pytest.mark.parametrize("seeds", [4, slow(10)])
-@pytest.mark.parametrize("discrete", [False, True])
-@pytest.mark.parametrize("limits", [{"band_hz": (0, np.inf)}, {"horizon": 1e5}, {"weight": 1.0}])
+@pytest.mark.parametrize(
+    ("discrete", "limits"), every_one([False, True], [{"band_hz": (0, np.inf)}, {"horizon": 1e5}, {"weight": 1.0}])
+)
 def test_limits_that_hold_everything_give_the_plain_truncation(discrete, limits, seeds):
     for seed in range(seeds):
         model = random_model(np.random.default_rng(seed), discrete=discrete)

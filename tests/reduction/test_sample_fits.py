@@ -15,14 +15,14 @@ from robustid.reduction.pole_starts import sanathanan_koerner, statespace
 from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import orthonormal_columns, smallest_maximum
 from support.cases import slow
+from support.pairwise import every_one
 from support.paper_plant import mixed, structure
 
 pytestmark = pytest.mark.quick
 POLES = np.array([0.8 + 0.5j, 0.8 - 0.5j, 0.3, 0.44 + 0.89j, 0.44 - 0.89j])
 
 
-@pytest.mark.parametrize("kind", ["rest", "free", "periodic"])
-@pytest.mark.parametrize("integrators", [0, 2])
+@pytest.mark.parametrize(("kind", "integrators"), every_one(["rest", "free", "periodic"], [0, 2]))
 def test_residuals_of_the_map_are_those_of_the_judge(kind, integrators):
     if kind == "periodic" and integrators:
         return

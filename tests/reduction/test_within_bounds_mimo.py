@@ -14,6 +14,7 @@ from robustid.reduction.sample_map import sample_map
 from robustid.reduction.smallest_maximum import smallest_maximum
 from support.cases import slow
 from support.matrix_lines import DT, found_at, lines, plant
+from support.pairwise import every_one
 
 PRIOR = rid.Prior(gain_bound=1, decay_rate=1.2)
 
@@ -43,8 +44,7 @@ def every_kind(rng, truth):
     return [*(frf.with_bound(bound) for bound in bounds), along]
 
 
-@pytest.mark.parametrize(("outputs", "inputs"), [(2, 2), (3, 2), (2, 3), (3, 1)])
-@pytest.mark.parametrize("integrators", [0, 1])
+@pytest.mark.parametrize(("outputs", "inputs", "integrators"), every_one([(2, 2), (3, 2), (2, 3), (3, 1)], [0, 1]))
 def test_residuals_of_the_map_are_those_of_the_judge(outputs, inputs, integrators):
     rng = np.random.default_rng(outputs + 10 * inputs)
     truth, basis = plant(rng, 2, outputs, inputs)

@@ -1,10 +1,13 @@
 """Results that several files of these tests are about: each is computed once a process."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import robustid as rid
 from robustid.fitting import OrderSweep, fit_mfd
+from robustid.report import render_report
 from support import fits, frf_records, matrix_pages
 from support.report_pages import NASTY, identified
 from support.run_files import search_nothing
@@ -25,6 +28,26 @@ def error():
     """The guaranteed error of a SISO identification, at 0 Hz too."""
     hz = np.array([0.0, 4.0, 9.0, 17.0, 17.6, 30.0, 50.0])
     return rid.worst_case_error(identified(), omega=HZ * hz, directions=6)
+
+
+@pytest.fixture(scope="session")
+def strong(consistent):
+    """The same data in a class of both modes, which says something: its verdict alone is a good one."""
+    pairs = rid.kautz(HZ * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
+    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
+    return rid.identify(dataclasses.replace(consistent.problem, prior=prior, parametric=pairs))
+
+
+@pytest.fixture(scope="session")
+def consistent_page(consistent):
+    """What is written of it by default."""
+    return render_report(consistent)
+
+
+@pytest.fixture(scope="session")
+def error_page(error):
+    """What is written of it with the identification."""
+    return render_report(error.identification, worst_case=error)
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,5 @@
 """The first screen of a page, its size, and the page with pictures only."""
 
-import dataclasses
 import io
 import re
 
@@ -16,7 +15,6 @@ from robustid.identification import fit_percent
 from robustid.report import Verdict, head_at_terminal, render_report
 from robustid.report.document import Document, Glance, Heading, Text
 from robustid.report.html import MOST_WARNINGS, render
-from robustid.report.identification_page import identification_verdict
 from robustid.report.largest_response import is_resonance
 from robustid.report.live import live_words
 from robustid.report.proved_band import centre_chart
@@ -30,9 +28,8 @@ def ids(page):
     return re.findall(r' id="([^"]+)"', page)
 
 
-def test_parts_of_the_first_screen_stand_in_their_order(error):
-    page = render_report(error.identification, worst_case=error)
-    first, rest = page.split("Open all details</button>")
+def test_parts_of_the_first_screen_stand_in_their_order(error_page):
+    first, rest = error_page.split("Open all details</button>")
     body = first[first.index("<body>") :]
     places = [ids(body).index(name) for name in ("verdict", "numbers", "band", "glance", "first-0", "next")]
     assert places == sorted(places)
@@ -154,8 +151,8 @@ def test_a_static_page_is_small_and_has_pictures_with_words_and_no_script(static
     assert not re.search(r"https?://|src=\"(?!data:)", page)
 
 
-def test_the_default_page_is_packed_and_its_plots_have_words(consistent):
-    page = render_report(consistent)
+def test_the_default_page_is_packed_and_its_plots_have_words(consistent_page):
+    page = consistent_page
     assert len(page) < MOST_BYTES
     figures = [attrs for tag, attrs in Page(page).tags if tag == "figure"]
     assert len(figures) > 5
@@ -166,10 +163,9 @@ def test_the_default_page_is_packed_and_its_plots_have_words(consistent):
     assert not re.search(r"https?://", outside)
 
 
-def test_an_inconsistent_page_leads_on():
-    result = rid.identify(problem(hz=17.3))
-    diagnosis = rid.diagnose(result)
-    text = Page(render_report(result, diagnosis=diagnosis)).text
+def test_an_inconsistent_page_leads_on(inconsistent):
+    diagnosis = rid.diagnose(inconsistent)
+    text = Page(render_report(inconsistent, diagnosis=diagnosis)).text
     first, lines = text.split("Open all details")[0], diagnosis.summary().splitlines()
     assert "What would help" in text
     assert diagnosis.next_steps == [lines[0], lines[-1]]
@@ -189,16 +185,6 @@ def test_fit_in_per_cent_is_that_of_the_residuals():
     for kind, measured, predicted in (("frequency", values, response), ("time", record.y[:, 0], simulated)):
         left, size = abs(measured - predicted) ** 2, abs(measured - measured.mean()) ** 2
         assert found[kind] == pytest.approx(100 * (1 - (left.sum() / size.sum()) ** 0.5), abs=1e-6)
-
-
-@pytest.fixture(scope="module")
-def strong(consistent):
-    """The same data in a class of both modes, which says something: its verdict alone is a good one."""
-    pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
-    prior = rid.Prior(gain_bound=0.2, decay_rate=1.1)
-    found = rid.identify(dataclasses.replace(consistent.problem, prior=prior, parametric=pairs))
-    assert identification_verdict(found).key == "consistent"
-    return found
 
 
 def band_over(result, low, high, damping):

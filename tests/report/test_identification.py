@@ -46,8 +46,8 @@ def test_page_of_a_consistent_result(consistent, reduction):
     assert {f"nominal model, order {consistent.order}", f"reduced model, order {reduction.order}"} <= names
 
 
-def test_units_reach_every_axis_of_the_page(consistent):
-    figures = Page(render_report(consistent)).figures
+def test_units_reach_every_axis_of_the_page(consistent_page):
+    figures = Page(consistent_page).figures
     for name, figure in figures.items():
         for axis, layout in figure["layout"].items():
             if axis[:5] in ("xaxis", "yaxis"):
@@ -104,18 +104,15 @@ def test_undecided_and_unverified_results_are_not_called_consistent(simple):
         assert "FAILS" in printed(false)
 
 
-def test_a_class_that_says_little_is_amber_and_warned_of(consistent):
+def test_a_class_that_says_little_is_amber_and_warned_of(consistent, consistent_page, strong):
     # K = 20 where the largest response is about 7.
     assert len(consistent.warnings) >= 1
     assert identification_verdict(consistent).key == "weak"
-    page, text = Page(render_report(consistent)), " ".join(printed(consistent).split())
+    page, text = Page(consistent_page), " ".join(printed(consistent).split())
     assert ("section", {"class": "verdict weak", "id": "verdict"}) in page.tags
     for words in ("Consistent, but the class says little", *consistent.warnings):
         assert words[1:] in page.text  # where it begins with a capital
         assert words in text
-    narrow = rid.Prior(gain_bound=0.2, decay_rate=1.1)
-    pairs = rid.kautz(2 * np.pi * np.array([9.0, 17.67]), [0.1, 0.004], dt=0.01, delay=1)
-    strong = rid.identify(dataclasses.replace(consistent.problem, prior=narrow, parametric=pairs))
     assert strong.warnings == ()
     assert identification_verdict(strong).word == "Consistent"
     assert "Warning" not in printed(strong)
