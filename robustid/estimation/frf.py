@@ -187,7 +187,7 @@ def _checked(
     probability = as_probability(probability)
     records = checked_records(record)
     _refuse_dead(records)
-    method = method or ("periodic" if period is not None or all(r.initial == "periodic" for r in records) else "local")
+    method = method or _usual(records, period)
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
     return records, method, probability

@@ -158,8 +158,10 @@ def test_nothing_is_overwritten_unless_forced(files, run):
             ["run1.csv", "run2.csv", "--period", "70"],
             "periods of 70; cut it to 560 samples (--first 560) or correct --period",
         ),
+        (["run1.csv", "run2.csv", "--period", "1"], "--period must be at least 2; got 1"),
         (["run1.csv", "run2.csv", "--period", "600"], "give at least two periods (--period in samples)"),
         (["run1.csv", "run2.csv", "--period", "100", "--method", "local"], '--period belongs to method="periodic"'),
+        (["run1.csv", "run2.csv", "--method", "fast"], "--method must be one of periodic, local, welch; got 'fast'"),
         (
             ["run1.csv", "run2.csv", "--period", "100", "--probability", "95"],
             "--probability must be between 0 and 1; got 95",
@@ -169,6 +171,7 @@ def test_nothing_is_overwritten_unless_forced(files, run):
             "--lines must be whole numbers from 0 to period//2 = 50",
         ),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "1:9:0"], "--lines must be numbers such as 11:250"),
+        (["run1.csv", "run2.csv", "--period", "100", "--lines", "1::9"], "--lines must be numbers such as 11:250"),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "1:99999999999"], "beyond half of the 600 samples"),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "odd"], "or a file of robustid excite; got 'odd'"),
         (["run1.csv", "run2.csv", "--period", "100", "--lines", "play.csv"], "leave --period out"),
@@ -183,6 +186,7 @@ def test_nothing_is_overwritten_unless_forced(files, run):
         (["run1.csv", "run2.csv", "--initial", "soon"], "--initial must be one of rest, free, periodic; got 'soon'"),
         (["run1.csv", "run2.csv", "-o", "frf.uff"], "--output frf.uff must end in .npz, .csv or .mat"),
         (["run1.csv", "run2.csv", "-o", "run1.csv", "--force"], "run1.csv is one of the files to be read"),
+        (["run1.csv", "run2.csv", "--report", "nowhere/a.html"], "the folder nowhere does not exist"),
     ],
 )
 def test_misuse_is_one_sentence_and_writes_nothing(arguments, sentence, files, run):
