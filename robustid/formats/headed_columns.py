@@ -17,7 +17,7 @@ from robustid.formats.table import Table
 
 _ORDER = "dqpn123456789"  # of outputs and inputs
 _ROUNDED = 0.01  # of a phase, in rad: instruments write a tenth of a degree
-_AXES = ("omega", "freq_hz", f"{UNSURE}frequency")
+AXES = ("omega", "freq_hz", f"{UNSURE}frequency")
 _SCALES = {"Z": units.OHM, "Y": units.SIEMENS}
 _SIGNALS = {"Z": (("voltage", "v", "V"), ("current", "i", "A")), "Y": (("current", "i", "A"), ("voltage", "v", "V")),
             "S": (("b", "b", ""), ("a", "a", ""))}  # fmt: skip
@@ -25,7 +25,7 @@ _SECONDS = re.compile(r"(s|sec|min|h)(\^?\d|\*\*\d|²)?")  # of a rate, not of a
 _QUOTIENT = re.compile(r"\(?([^()/]+|[^()]*\([^()]*\)[^()]*|[^()]+)\)?\s*/\s*([^()/]+)")
 
 
-class _Column(NamedTuple):
+class Column(NamedTuple):
     """A column that is a part of a response."""
 
     name: str
@@ -33,12 +33,12 @@ class _Column(NamedTuple):
     values: np.ndarray
 
 
-_Parts = dict[str, _Column]  # by part, "decibels" for a magnitude in dB
+Parts = dict[str, Column]  # by part, "decibels" for a magnitude in dB
 
 
 def from_headings(table: Table, kind: str | None) -> Table:
     """The response that the columns of a file make by their headings; a file that says none comes back as it is."""
-    axis = next((name for name in table.columns if axis_role(name) in _AXES), None)
+    axis = next((name for name in table.columns if axis_role(name) in AXES), None)
     if kind not in (None, "frequency") or axis is None or "values" in table.columns:
         return table
     frequency = table.columns[axis]
@@ -46,7 +46,7 @@ def from_headings(table: Table, kind: str | None) -> Table:
     for (quantity, _), entries in found.items():
         if not quantity and all(column.heading.sign > 0 and not _sides(column)[1] for column in entries[""].values()):
             continue  # without a quantity, a sign or the unit of an input the roles say as much
-        complete = {entry: values for entry, parts in entries.items() if (values := _values(parts)) is not None}
+        complete = {entry: values for entry, parts in entries.items() if (values := complex_values(parts)) is not None}
         if not complete:
             continue
         _check_matrix(quantity, entries, set(complete))
@@ -63,12 +63,12 @@ def from_headings(table: Table, kind: str | None) -> Table:
     return table
 
 
-def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, _Parts]]:
+def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, Parts]]:
     """Parts by quantity and entry, in the order of the file; what says no quantity belongs to the one that lacks it.
 
     Those that are no vector of so many points are something else; of those that stand there twice nothing says which is meant.
     """
-    found: dict[tuple[str, str], dict[str, _Parts]] = {}
+    found: dict[tuple[str, str], dict[str, Parts]] = {}
     twice: set[tuple[str, str]] = set()
     for name, values in table.columns.items():
         if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != points:
@@ -81,18 +81,18 @@ def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, _P
         parts = found.setdefault(key, {}).setdefault(said.entry, {})
         if part in parts and not np.array_equal(parts[part].values, values.reshape(-1)):
             twice.add(key)
-        parts.setdefault(part, _Column(name, said, values.reshape(-1)))
+        parts.setdefault(part, Column(name, said, values.reshape(-1)))
     found = {key: entries for key, entries in found.items() if key not in twice}
     named = [entries[""] for (quantity, _), entries in found.items() if quantity and set(entries) == {""}]
     if bare := found.get(("", ""), {}).get("", {}):
-        lacking = [parts for parts in named if _values(parts) is None] or named
+        lacking = [parts for parts in named if complex_values(parts) is None] or named
         if len(lacking) == 1 and not set(lacking[0]) & set(bare):
             lacking[0].update(bare)
             del found["", ""]
     return found
 
 
-def _values(parts: _Parts) -> np.ndarray | None:
+def complex_values(parts: Parts) -> np.ndarray | None:
     """The complex numbers that the parts make, with the signs that their names say; None where one is missing."""
     turn = None  # the phase, as a number of size 1
     if (phase := parts.get("phase")) and (scale := units.factor(units.PHASE, phase.heading.unit)) is not None:
@@ -124,7 +124,7 @@ def _turned(values: np.ndarray, turn: np.ndarray) -> bool:
     )
 
 
-def _check_matrix(quantity: str, entries: dict[str, _Parts], complete: set[str]) -> None:
+def _check_matrix(quantity: str, entries: dict[str, Parts], complete: set[str]) -> None:
     """All entries of the rows and columns that a matrix has, or say which are missing."""
     outputs, inputs = ({entry[k : k + 1] for entry in entries} for k in (0, 1))
     wanted = {row + column for row in outputs for column in inputs}
@@ -141,7 +141,7 @@ def _check_matrix(quantity: str, entries: dict[str, _Parts], complete: set[str])
 
 
 def _with_response(
-    table: Table, axis: str, quantity: str, values: dict[str, np.ndarray], used: dict[str, _Parts]
+    table: Table, axis: str, quantity: str, values: dict[str, np.ndarray], used: dict[str, Parts]
 ) -> Table:
     """The table with the response as the usual array, and with what the file says of its signals."""
     outputs, inputs = (sorted({entry[k : k + 1] for entry in values}, key=_ORDER.index) for k in (0, 1))
@@ -179,19 +179,19 @@ def _with_response(
     )
 
 
-def _taken(parts: _Parts) -> list[_Column]:
+def _taken(parts: Parts) -> list[Column]:
     """The columns of an entry that its values are made of."""
     wanted = ("real", "imag") if {"real", "imag"} <= set(parts) else ("magnitude", "phase")
     wanted = wanted if wanted[0] in parts else ("decibels", "phase")
     return [parts[part] for part in wanted]
 
 
-def _unit(column: _Column) -> str:
+def _unit(column: Column) -> str:
     """Unit without its decibels: "dBOhm" are of Ohm."""
     return column.heading.unit[2:].lstrip(" ") if column.heading.decibels else column.heading.unit
 
 
-def _sides(column: _Column) -> tuple[str, str]:
+def _sides(column: Column) -> tuple[str, str]:
     """Units of output and input: "g/N" is of both, "m/s" of the output alone, and that of a phase of none."""
     unit = "" if column.heading.part == "phase" else _unit(column)
     match = _QUOTIENT.fullmatch(unit)

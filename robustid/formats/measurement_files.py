@@ -18,6 +18,7 @@ from robustid.formats.excitation_files import excitation_of, is_excitation
 from robustid.formats.headed_columns import from_headings
 from robustid.formats.matlab_structures import from_structure
 from robustid.formats.model_files import StoredModel, is_model, model_of
+from robustid.formats.named_entries import from_named_entries
 from robustid.formats.readers import read_table
 from robustid.formats.role_lookup import Lookup
 from robustid.formats.role_names import NAMES
@@ -132,7 +133,7 @@ def _assigned(
     if not asked.fields and (plain := from_structure(table, kind, frequency_unit)) is not table:
         table, frequency_unit = plain, None
     elif not asked.fields and asked.axes is None and asked.grid is None:
-        table = from_headings(table, kind)
+        table = _by_names(table, kind)
     named = None if asked.axes is None else axis_names(asked.axes)
     if named is not None and kind is None:
         kind = "frequency" if "frequency" in named else "time"
@@ -141,6 +142,12 @@ def _assigned(
         return as_time(lookup, options), table.how
     options.pop("initial", None)
     return as_frequency(lookup, options, frequency_unit, asked.grid), table.how + lookup.turned()
+
+
+def _by_names(table: Table, kind: str | None) -> Table:
+    """The table with a response, where the names of its columns say one."""
+    table = from_headings(table, kind)
+    return from_named_entries(table) if kind in (None, "frequency") else table
 
 
 class Origin(NamedTuple):
@@ -167,7 +174,7 @@ def origin(
         return Origin(table.meta["kind"], True, step, "stored with the data", "as it was saved", step is None)
     if not fields:
         with contextlib.suppress(InputError, FileFormatError):  # `load` has the sentence
-            table = from_headings(from_structure(table, kind, None), kind)
+            table = _by_names(from_structure(table, kind, None), kind)
     lookup = Lookup(table, dict(fields or {}))
     unit_known, step, source = True, lookup.sample_time(), "stored in the file"
     # An axis that is missing or of no use says nothing here: `load` has the sentence.
