@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 from collections.abc import Sequence
 
@@ -213,12 +214,16 @@ def suggest_kautz(
         )
     clock = StepClock(fit, time_limit)
     poles, reason = find_poles(fit, wanted, clock)
-    decades, lowest = None, float(frf.omega[frf.omega > 0].min(initial=np.inf))
-    if wanted is None and not fit.plane.dt:
-        decades = over_decades(frf)
-        left = residual_rows(poles, fit)
-        if decades is not None and ratios(left).max() > 1 and explain_more(decades, left, len(poles)):
-            return _of_decades(fit, decades, lowest, repeat)
+    lowest = float(frf.omega[frf.omega > 0].min(initial=np.inf))
+
+    @functools.cache
+    def decades() -> RealPoles | None:
+        """Real poles over decades, looked for where modes leave something or none of them stands."""
+        return over_decades(frf) if wanted is None and not fit.plane.dt else None
+
+    left = residual_rows(poles, fit)
+    if ratios(left).max() > 1 and (real := decades()) is not None and explain_more(real, left, len(poles)):
+        return _of_decades(fit, real, lowest, repeat)
     shown = shown_in(frf.modes if fit.plane.dt and wanted is None else (), fit)
     poles, kept, words = _kept(fit, poles, shown, wanted is not None)
     reason += words
@@ -229,14 +234,14 @@ def suggest_kautz(
     reason += words
     step, edges = fit.plane.dt, _edges(boxes, fit)
     if wanted is None and (len(poles) or frf.doubt is not None) and not len(kept):  # none stands in a class
-        if decades is not None and decades.largest <= 1:
-            return _of_decades(fit, decades, lowest, repeat)
+        if (real := decades()) is not None and real.largest <= 1:
+            return _of_decades(fit, real, lowest, repeat)
         if (slow := slow_poles(frf, fixed_delay)) is not None:
             return _of_process(fit, slow, repeat)
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     below = omega < lowest / _BEYOND  # one pair may be a suspension; several, or nothing else, are a slope
-    if decades is not None and below.any() and (below.all() or below.sum() > 1):
-        return _of_decades(fit, decades, lowest, repeat)
+    if below.any() and (below.all() or below.sum() > 1) and (real := decades()) is not None:
+        return _of_decades(fit, real, lowest, repeat)
     if not step and wanted is None and np.any(far := omega > _BEYOND * frf.omega[-1]):
         edges[far] = np.stack([omega[far], damping[far]], axis=1)[:, :, None]
         reason += _far_words(int(np.sum(far)))

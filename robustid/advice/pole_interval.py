@@ -168,10 +168,11 @@ def pole_interval(data: LineData, poles: Real, which: int) -> PoleBox:
     local, level, low, high = _around(data, poles, which)
     centre = poles[which]
     unit = np.array([np.exp(centre[1]), 1.0])  # a half-width in frequency weighs as a factor e in damping
-    axes = [_reach(local, centre, unit * d, level, low, high) for d in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    fits = list(local)
+    axes = [_reach(fits, centre, unit * d, level, low, high) for d in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     scale = np.array([max(abs(e[k] - centre[k]) for e in axes[2 * k : 2 * k + 2]) for k in range(2)])
     angles = 2 * np.pi * (np.arange(_RAYS) + 0.5) / _RAYS
-    rays = [_reach(local, centre, scale * [np.cos(t), np.sin(t)], level, low, high) for t in angles]
+    rays = [_reach(fits, centre, scale * [np.cos(t), np.sin(t)], level, low, high) for t in angles]
     points = np.array([centre, *axes, *rays])
     box = np.array([points.min(axis=0), points.max(axis=0)])
     reached = bool(np.any(box[0] <= low + 1e-9) or np.any(box[1] >= high - 1e-9))
@@ -243,27 +244,33 @@ def _beside(poles: Real, box: Real, angle: Real) -> NDArray[np.intp]:
 
 
 def _reach(fits: list[_Local], centre: Real, ray: Real, level: float, low: Real, high: Real) -> Real:
-    """The last pole along a ray, inside the range of the search, that isn't refuted; rounded outwards."""
+    """The last pole along a ray, inside the range of the search, that no entry refutes; rounded outwards.
+
+    The entry that ends it comes first among the `fits` afterwards.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(ray > 0, (high - centre) / ray, np.where(ray < 0, (low - centre) / ray, np.inf))
     end = float(np.min(room))
 
-    order = list(fits)
+    def refuted(fit: _Local, step: float) -> bool:
+        return fit.minimax(centre + step * ray, level)[0] > level
 
-    def refuted(step: float) -> bool:
-        for k, local in enumerate(order):
-            if local.minimax(centre + step * ray, level)[0] > level:
-                order.insert(0, order.pop(k))  # the entry that refutes a pole mostly refutes the next one, too
-                return True
-        return False
+    def last_and_first(fit: _Local) -> tuple[float, float]:
+        """The last step at which this entry does not refute the pole, and the first at which it does, or the end twice."""
+        inside, outside = 0.0, min(1e-3, end)
+        while not refuted(fit, outside):
+            if outside >= end:
+                return end, end
+            inside, outside = outside, min(2 * outside, end)
+        for _ in range(7):
+            middle = (inside + outside) / 2
+            inside, outside = (inside, middle) if refuted(fit, middle) else (middle, outside)
+        return inside, outside
 
-    inside, outside = 0.0, min(1e-3, end)
-    while not refuted(outside):
-        inside = outside
-        if outside >= end:
-            return centre + end * ray
-        outside = min(2 * outside, end)
-    for _ in range(7):
-        middle = (inside + outside) / 2
-        inside, outside = (inside, middle) if refuted(middle) else (middle, outside)
+    # The entry that ends a ray mostly ends the next one, too: most others have one pole to look at then.
+    inside, outside = last_and_first(fits[0])
+    for k in range(1, len(fits)):
+        if inside > 0 and refuted(fits[k], inside):
+            inside, outside = last_and_first(fits[k])
+            fits.insert(0, fits.pop(k))
     return centre + outside * ray

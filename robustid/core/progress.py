@@ -182,7 +182,7 @@ class Unfinished:
                 else "Run it again for the rest."
             )
             return f"{start}. {again}"
-        further = "A larger time_limit goes further" + ", with resume from what is finished" * self.resumable
+        further = "A larger time limit goes further" + ", with resume from what is finished" * self.resumable
         return f"What stands here holds, but the time was over in: {late}; each kept the best so far. {further}."
 
 

@@ -18,7 +18,7 @@ from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts, worst_case_sigma_chart
 from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, scope, siso
-from robustid.report.largest_response import at_largest
+from robustid.report.largest_response import at_largest, measured_band
 from robustid.report.loop_section import loop_glance
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
@@ -181,7 +181,8 @@ def _next(
     if contradicted:
         return [Text("Take the withheld data into the identification, or allow for more: see “Withheld data”.")]
     if band is not None and band.bounded.any():
-        where = in_hz(largest_error(band).omega / HZ)
+        among = largest_error(band, measured_band(band.problem) or (0.0, np.inf))  # a point beyond them is no advice
+        where = in_hz((among if among.value else largest_error(band)).omega / HZ)
         narrower = f"The error is largest near {where}: a frequency point or a smaller bound there helps first."
         if band.open_ranges:
             narrower = f"Measure frequency points from {band.open_words}: nothing is proved there."

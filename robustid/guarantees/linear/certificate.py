@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,13 +104,8 @@ def choose(samples: Samples, targets: Targets, points: NDArray[np.intp]) -> Chos
     cross = weights[:, :, samples.target] * targets.weight.conj()[:, None]
     cross = cross + np.take_along_axis(later @ (own[:, None] * powers).T, points, axis=1)
     if rows:
-        plain, shift, lower = samples.shifted
-        inner = (
-            plain + np.abs(base)[:, :, None] ** 2 * lower - base.conj()[:, :, None] * shift - base[:, :, None] * shift.T
-        )
-        first, second = (part.T[points].swapaxes(1, 2) for part in samples.mixed)  # (B, T, n)
-        mixed = (first - base.conj()[:, :, None] * second) * (1 - base * z.conj())[:, None, :] / scale
-        gram = np.block([[gram, mixed.conj().swapaxes(1, 2)], [mixed, inner / scale]])
+        mixed, inner = blocks_of_rows(samples, targets.base, points)
+        gram = np.block([[gram, mixed.conj().swapaxes(1, 2)], [mixed, inner]])
         U = samples.blocks[samples.target]
         common = min(U.shape[1] - 1, later.shape[1])
         onto = U[:, 0] * targets.weight.conj()[:, None] + later[:, :common] @ U[:, 1 : common + 1].T
@@ -128,6 +124,16 @@ def choose(samples: Samples, targets: Targets, points: NDArray[np.intp]) -> Chos
         joined(samples.bound, samples.record_bound),  # type: ignore[arg-type]
         joined(samples.left_out, samples.record_left_out),  # type: ignore[arg-type]
     )
+
+
+def blocks_of_rows(samples: Samples, base: Complex, points: NDArray[np.intp]) -> tuple[Complex, Complex]:
+    """Inner products of the rows of records with the points of every target, (B, T, n), and with each other, (B, T, T)."""
+    (plain, shift, lower), zeta = samples.shifted, base[:, None, None]
+    inner = plain + np.abs(zeta) ** 2 * lower - zeta.conj() * shift - zeta * shift.T
+    first, second = (part.T[points].swapaxes(1, 2) for part in samples.mixed)  # (B, T, n)
+    scale = 1 - np.abs(zeta) ** 2
+    mixed = (first - zeta.conj() * second) * (1 - zeta * samples.nodes[points].conj()[:, None, :]) / scale
+    return mixed, inner / scale
 
 
 def mismatch(chosen: Chosen, targets: Targets, d: Complex) -> Complex:
@@ -169,31 +175,49 @@ def discs(samples: Samples, chosen: Chosen, targets: Targets, d: Complex, known:
     centre = (d * chosen.y).sum(axis=1) - missed @ coefficient
     if not np.all(np.isfinite(known.radius)):
         return centre, np.full(len(d), np.inf)
-    return centre, Radii(samples, chosen, targets, known)(d, class_square(chosen, targets, d), missed)
+    radii = Radii(samples, targets, known, sizes_of(samples, chosen, known))
+    return centre, radii(d, class_square(chosen, targets, d), missed)
+
+
+class Sizes(NamedTuple):
+    """Sizes of the samples of every target, (B, S) each."""
+
+    bound: Real  # with what the series leave out at most
+    functions: Real  # of all functions, times the radii of their coefficients
+    y: Real
+    norm: Real  # of their functionals
+
+
+def sizes_of(samples: Samples, chosen: Chosen, known: Amplitudes) -> Sizes:
+    """The sizes of samples whose matrices are known."""
+    return Sizes(
+        chosen.bound + chosen.left_out @ known.largest,
+        np.abs(chosen.values) @ known.coefficients(samples)[1],
+        np.abs(chosen.y),
+        np.sqrt(np.einsum("bss->bs", chosen.gram).real),
+    )
 
 
 class Radii:
     """The radii of any multipliers of the same points and targets: what does not depend on them is computed once."""
 
-    def __init__(self, samples: Samples, chosen: Chosen, targets: Targets, known: Amplitudes) -> None:
+    def __init__(self, samples: Samples, targets: Targets, known: Amplitudes, sizes: Sizes) -> None:
         _, self._radius = known.coefficients(samples)
-        self._bound: Real = chosen.bound + chosen.left_out @ known.largest
-        self._functions: Real = np.abs(chosen.values) @ self._radius
+        self._sizes = sizes
         self._target: Real = np.abs(targets.values) @ self._radius
-        self._y, self._norm = np.abs(chosen.y), np.sqrt(targets.square)
-        self._norms: Real = np.sqrt(np.einsum("bss->bs", chosen.gram).real)
-        self._rounding = rounding(samples, chosen.y.shape[1])
+        self._norm = np.sqrt(targets.square)
+        self._rounding = rounding(samples, sizes.y.shape[1])
         with np.errstate(invalid="ignore"):
             beyond = targets.left_out @ known.largest
         self._beyond: Real = np.where(np.isinf(targets.left_out).any(axis=1), np.inf, beyond)
 
     def __call__(self, d: Complex, square: Real, missed: Complex) -> Real:
         """The radii (B,) of multipliers, of which `class_square` and `mismatch` are known."""
-        size, terms = np.abs(d), d.shape[1]
+        size, terms, of = np.abs(d), d.shape[1], self._sizes
         leak = np.abs(missed) @ self._radius
-        leak += 8 * (terms + 8) * _EPS * ((self._functions * size).sum(axis=1) + self._target)
+        leak += 8 * (terms + 8) * _EPS * ((of.functions * size).sum(axis=1) + self._target)
         # |<f, g>| <= ||f|| ||g||: no term of the sums is larger than those of the square of this one.
-        sizes = self._norm + (size * self._norms).sum(axis=1)
+        sizes = self._norm + (size * of.norm).sum(axis=1)
         of_class = np.sqrt(np.maximum(square, 0.0) + self._rounding * sizes**2)
-        total = (size * self._bound).sum(axis=1) + leak + self._beyond + of_class
-        return total * (1 + 1e-12) + 8 * terms * _EPS * (size * self._y).sum(axis=1)
+        total = (size * of.bound).sum(axis=1) + leak + self._beyond + of_class
+        return total * (1 + 1e-12) + 8 * terms * _EPS * (size * of.y).sum(axis=1)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from robustid.core import Budget, Complex, Frozen, Real, freeze, kept_by_content
 from robustid.guarantees.linear.amplitudes import Extraction
-from robustid.guarantees.linear.certificate import choose, discs, targets_at
+from robustid.guarantees.linear.certificate import targets_at
+from robustid.guarantees.linear.disc_values import DiscValues
 from robustid.guarantees.linear.error_sets import KnownErrors
 from robustid.guarantees.linear.samples import KEPT, Number, Samples
 from robustid.guarantees.linear.search import FEW, POINTS, STEPS, search
@@ -32,7 +33,6 @@ _LINES = 200  # of the data, at most, that are knots at first
 _SHARE = 0.25  # of few knots that are lines
 _OUTSIDE = 40  # knots below and above the data
 _AROUND = (0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)  # knots around a mode, in its half-width
-_STACK = 2e5  # complex numbers of a stack of evaluations: more leave the cache, and take twice as long
 _ROUNDED = 1e-9  # of the values of a model
 _Knots = tuple[Real, NDArray[np.intp], NDArray[np.complex64]]  # angles, points, multipliers
 
@@ -224,15 +224,7 @@ def evaluate(
     samples: Samples, extraction: Extraction, angles: Real, points: NDArray[np.intp], d: Complex
 ) -> tuple[Complex, Real]:
     """Centres and radii of multipliers at angles."""
-    found = np.empty(angles.size, complex), np.empty(angles.size)
-    size = d.shape[1] if d.ndim == 2 else 1
-    stack = max(int(_STACK / (size * (size + samples.amplitude_of.size) + 1)), 1)
-    for start in range(0, angles.size, stack):
-        part = slice(start, start + stack)
-        targets = targets_at(samples, angles[part])
-        chosen, own = choose(samples, targets, points[part]), d[part].astype(complex)
-        found[0][part], found[1][part] = discs(samples, chosen, targets, own, extraction.known)
-    return found
+    return DiscValues(samples, extraction.known).at(angles, points, d)
 
 
 def entry_band(

@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Budget, Complex, Pieces, Real
-from robustid.guarantees.linear.certificate import Amplitudes, Chosen, Radii, Targets, choose, class_square, mismatch
+from robustid.guarantees.linear.certificate import (
+    Amplitudes,
+    Chosen,
+    Radii,
+    Targets,
+    choose,
+    class_square,
+    mismatch,
+    sizes_of,
+)
 from robustid.guarantees.linear.samples import Samples
 
 POINTS = 44  # of the samples at frequencies, for a target
@@ -86,8 +95,9 @@ class _Stack:
         free = np.isinf(radius)
         self.samples, self.chosen, self.targets = samples, chosen, targets
         finite = Amplitudes(known.centre, np.where(np.isinf(known.radius), 0.0, known.radius))
-        self._free, self._radii = free, Radii(samples, chosen, targets, finite)
-        self.bound: Real = chosen.bound + chosen.left_out @ finite.largest
+        sizes = sizes_of(samples, chosen, finite)
+        self._free, self._radii = free, Radii(samples, targets, finite, sizes)
+        self.bound = sizes.bound
         self.soft, self.hard = chosen.values[:, :, ~free], chosen.values[:, :, free]
         self.wanted, self.matched = targets.values[:, ~free], targets.values[:, free]
         if one is not None:

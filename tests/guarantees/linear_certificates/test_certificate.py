@@ -1,10 +1,13 @@
 """The norm of combinations of samples against sums over the circle, and radii of exact data against closed forms."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.guarantees.linear.certificate import choose, targets_at
+from robustid.guarantees.linear.certificate import Amplitudes, choose, discs, targets_at
+from robustid.guarantees.linear.disc_values import DiscValues
 from robustid.guarantees.linear.functions import fixed_functions
 from robustid.guarantees.linear.samples import samples_of
 from support.cases import seeds
@@ -64,6 +67,25 @@ def test_inner_products_of_points_and_of_samples_of_records_are_those_of_sums_ov
     np.testing.assert_allclose(chosen.gram[0], own, rtol=1e-9, atol=1e-9 * np.abs(own).max())
     np.testing.assert_allclose(chosen.cross[0], norm[:-1, -1][order], rtol=1e-9, atol=1e-9 * np.abs(own).max())
     np.testing.assert_allclose(abs(targets.weight[0]) ** 2, norm[-1, -1].real, rtol=1e-9)
+
+
+@pytest.mark.parametrize("modes", [0, 1])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_discs_without_matrices_are_those_with_them_also_of_points_that_stand_twice(seed, modes):
+    problem, _, rng = mixed_problem(seed)
+    kautz = rid.kautz(rng.uniform(3, 25), 0.02, dt=DT) if modes else None
+    problem = dataclasses.replace(problem, parametric=kautz)
+    samples = samples_of(problem, fixed_functions(kautz), (0, 1))
+    centre = rng.standard_normal(samples.amplitudes) + 1j * rng.standard_normal(samples.amplitudes)
+    known = Amplitudes(centre, rng.random(samples.amplitudes))
+    angles = rng.uniform(0, 3, 7)
+    points = rng.integers(samples.angles.size, size=(7, 9))
+    d = rng.standard_normal((7, 9 + samples.rows)) + 1j * rng.standard_normal((7, 9 + samples.rows))
+    targets = targets_at(samples, angles)
+    wanted = discs(samples, choose(samples, targets, points), targets, d, known)
+    found = DiscValues(samples, known).at(angles, points, d)
+    for one, other in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-11)
 
 
 def place_of(samples, omega):
