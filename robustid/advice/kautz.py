@@ -215,12 +215,8 @@ def suggest_kautz(
     clock = StepClock(fit, time_limit)
     poles, reason = find_poles(fit, wanted, clock)
     lowest = float(frf.omega[frf.omega > 0].min(initial=np.inf))
-
-    @functools.cache
-    def decades() -> RealPoles | None:
-        """Real poles over decades, looked for where modes leave something or none of them stands."""
-        return over_decades(frf) if wanted is None and not fit.plane.dt else None
-
+    # Looked for where modes leave something, or none of them stands.
+    decades = functools.cache(lambda: over_decades(frf) if wanted is None and not fit.plane.dt else None)
     left = residual_rows(poles, fit)
     if ratios(left).max() > 1 and (real := decades()) is not None and explain_more(real, left, len(poles)):
         return _of_decades(fit, real, lowest, repeat)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Array, Frozen, Numbers, Real, decoupled_parts, freeze, singular_parts
+from robustid.core import Array, Frozen, Numbers, Real, decoupled_parts, freeze, real_rows, singular_parts
 from robustid.errors import InputError, Remedy, SizeError
 from robustid.identification.formulation.assembly import Assembly, Block
 from robustid.identification.formulation.columns import BlockColumns, ColumnPart, Columns
@@ -64,12 +64,9 @@ class Rows(Frozen):
     def free_singular(self) -> tuple[float, float]:
         """Largest and smallest singular value of the columns of the parameters without an interval, as real ones."""
         free = self.P[:, ~self.held]
-        stacked = np.concatenate([np.real(free), np.imag(free)])
+        parts = [real_rows(free[np.ix_(at, columns)]) for at, columns in decoupled_parts(free)]
         sizes = [
-            np.append(
-                np.linalg.svd(stacked[np.ix_(at, columns)], compute_uv=False), np.zeros(max(0, columns.size - at.size))
-            )
-            for at, columns in decoupled_parts(stacked)
+            np.append(np.linalg.svd(one, compute_uv=False), np.zeros(max(0, one.shape[1] - len(one)))) for one in parts
         ]
         return max(float(one[0]) for one in sizes), min(float(one[-1]) for one in sizes)
 
@@ -130,22 +127,25 @@ def _stacked(problem: MixedProblem, blocks: list[Block], functions: Functions) -
     """All blocks as one system."""
     entries = problem.entries
     free = scipy.linalg.block_diag(*(b.free for b in blocks))
-    P = np.hstack([np.vstack([b.P for b in blocks]), free])
+    P = np.vstack([b.P for b in blocks])  # the largest array of all: a copy that is changed in place
+    if free.shape[1]:
+        P = np.hstack([P, free])
     y = np.concatenate([b.y for b in blocks])
     E = _joined(blocks, functions.count * entries.count, functions)
-    sizes = [float(np.abs(a).max(initial=0.0)) for a in (P, y)] + [E.norm]
+    magnitudes = np.abs(P)
+    sizes = [float(magnitudes.max(initial=0.0)), float(np.abs(y).max(initial=0.0)), E.norm]
     if not max(sizes) < 1e100:
         raise InputError(
             "`bound` is too small against the data (or a basis function is infinite at a sample): their ratio is"
             f" {max(sizes):.3g}; give bounds that the measurement deserves"
         )
-    norms: Real = np.linalg.norm(P, axis=0)
+    norms: Real = np.linalg.norm(magnitudes, axis=0)
     if np.any(norms == 0):
         name = _parameter_name(problem, int(np.argmin(norms)))
         raise InputError(f"`parametric`: function {name} does not act on any sample; remove it, or add samples")
     powers: Real = np.log2(norms)
     scale = 2.0 ** np.round(powers)
-    P = P / scale
+    P /= scale
     parameters = 0 if problem.parametric is None else problem.parametric.size * entries.count
     ends = np.tile([-np.inf, np.inf], (P.shape[1], 1))
     if problem.parameter_bounds is not None:
@@ -197,14 +197,13 @@ def _parameter_name(problem: MixedProblem, column: int) -> str:
 
 def _check_independent(problem: MixedProblem, P: Numbers, free: NDArray[np.intp]) -> None:
     """Coefficients without an interval must be told apart by the data: else they, and the sets, are unbounded."""
-    P = P[:, free]
+    P = P if free.size == P.shape[1] else P[:, free]
     if not P.shape[1]:
         return
-    stacked = np.vstack([np.real(P), np.imag(P)])
-    stacked = stacked / np.linalg.norm(stacked, axis=0)
     levels, weakest = np.zeros(0), (np.inf, free[:0])
-    for rows, columns in decoupled_parts(stacked):  # hundreds of entries, each in samples of its own
-        _, singular, directions = singular_parts(stacked[np.ix_(rows, columns)])
+    for rows, columns in decoupled_parts(P):  # hundreds of entries, each in samples of its own
+        stacked = real_rows(P[np.ix_(rows, columns)])
+        _, singular, directions = singular_parts(stacked / np.linalg.norm(stacked, axis=0))
         levels = np.append(levels, singular)
         least = singular[-1] if singular.size == columns.size else 0.0
         if least < weakest[0]:
