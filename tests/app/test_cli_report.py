@@ -79,6 +79,14 @@ def test_the_page_holds_what_was_saved_and_what_is_asked_for(run, tmp_path, monk
     assert "at every sample until 0.02 s" in page.text
 
 
+def test_a_search_that_is_out_of_time_is_named_first_and_the_page_is_there(run, tmp_path):
+    code, out, _ = run("mine", "--time-limit", "1e-6")
+    assert code == 0
+    words, said = " ".join(out.split()), "the time was over in: searching for the smallest order"
+    assert words.index("Unfinished") < words.index(said) < words.index("Consistent")
+    assert said in Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+
+
 def test_without_options_no_guarantee_is_claimed(run, tmp_path):
     assert run("mine.json", "--no-reduce")[0] == 0
     assert "guarante" not in Page((tmp_path / "report.html").read_text(encoding="utf-8")).text

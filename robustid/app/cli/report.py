@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import Force, Static, Verbose
+from robustid.app.cli.command_options import Force, Static, Verbose, only
 from robustid.app.cli.control import design_exit
 from robustid.app.cli.identify import everything, next_of, smallest
 from robustid.app.cli.screen import in_words, say, telling
+from robustid.app.run.settings import General
+from robustid.core import Budget
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 
 def report(
+    *,
     source: Annotated[
         Path,
         typer.Argument(
@@ -59,6 +62,7 @@ def report(
         ),
     ] = False,
     reduce: Annotated[bool, typer.Option(help="Show the smallest model inside the bounds too.")] = True,
+    general: Annotated[General, only("time_limit")],
     static: Static = False,
     force: Force = False,
     verbose: Verbose = False,
@@ -71,6 +75,7 @@ def report(
     from robustid.controllers import ControllerDesign
     from robustid.identification import Identification
 
+    budget = Budget(general.time_limit)
     inputs = [path for name in (source, *(bounds or [])) for path in written_files.sources(name)]
     written_files.check_outputs([output], inputs, force)
     console = screen.console(verbose=verbose)
@@ -88,7 +93,9 @@ def report(
             _of_identifications({"--bounds": bool(bounds), "--step": steps is not None, "--no-reduce": not reduce})
             code = page.of_design(result, sensitivity)
         elif isinstance(result, Identification):
-            code = page.of_identification(result, bounds or [], steps, sensitivity, reduce)
+            code = page.of_identification(
+                result, bounds or [], budget, steps=steps, sensitivity=sensitivity, reduce=reduce
+            )
         else:
             _other(result, source, {"--bounds": bounds, "--step": steps, "--sensitivity": sensitivity or None})
             code = page.of_another(result)
@@ -137,15 +144,22 @@ class _Page(NamedTuple):
         return _with(asked, 0)
 
     def of_identification(
-        self, result: Identification, bounds: list[Path], steps: int | None, sensitivity: bool, reduce: bool
+        self,
+        result: Identification,
+        bounds: list[Path],
+        budget: Budget,
+        *,
+        steps: int | None,
+        sensitivity: bool,
+        reduce: bool,
     ) -> int:
-        """The page of an identification, with its bounds and what else is asked for."""
+        """The page of an identification, with its bounds and what else is asked for, each search in its share of the time."""
         from robustid.app.run.run_file import RunFile
         from robustid.app.run.run_folder import Surroundings
         from robustid.app.run.sequence import diagnosed, reduced
         from robustid.app.run.work import Work
 
-        work = Work(run=RunFile(), identification=result, around=Surroundings(self.progress))
+        work = Work(run=RunFile(), identification=result, around=Surroundings(self.progress, budget=budget))
         _take_bounds(work, bounds)
         if reduce:
             reduced(work)
