@@ -26,6 +26,7 @@ _NEWTON_STEPS = 15  # whose time a decision and a model take: 6 to 17 were measu
 _RATES = 9
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
+_ALMOST = 1.5  # times the smallest slope
 _APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
 
 
@@ -49,6 +50,18 @@ class GainCurve(NamedTuple):
     def slopes(self, problem: MixedProblem) -> Real:
         """Slope bound of each of the `priors`; inf where there is none."""
         return np.array([np.inf if one is None else one.slope for one in self.priors(problem)])
+
+    def knee(self, problem: MixedProblem) -> int:
+        """Number of the decay rate with the smallest slope, or almost the smallest, if its gain alone is not above every response.
+
+        What a plant answers at once is in every gain, and may be its largest response: only at a slower rate it is no larger.
+        """
+        slopes, largest = self.slopes(problem), response_sizes(problem)[0]
+        k = int(np.argmin(slopes))
+        if not self.gains[k] > largest:
+            return k
+        small = np.flatnonzero((self.gains <= largest) & (slopes <= _ALMOST * slopes[k]))
+        return int(small[np.argmin(slopes[small])]) if small.size else k
 
 
 def smallest_gains(

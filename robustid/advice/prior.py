@@ -125,7 +125,8 @@ def suggest_prior(
 
     The smallest K grows with rho, while ``|dG/dz| <= K rho/(rho^2 - 1)`` on the unit circle (Schwarz-Pick) bounds how much G can
     change between the frequency points. The knee is the rho with the smallest such slope: below it the decay is given away, beyond
-    it K grows faster than the decay pays.
+    it K grows faster than the decay pays. Where K exceeds the largest response at the knee, and not at a slower rate whose
+    slope is at most half as large again, that rate is taken: what the plant answers at once is in every K.
 
     Parameters
     ----------
@@ -302,9 +303,9 @@ def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> Pr
     rates, gains, known = found.decay_rates, found.gains.copy(), np.zeros(found.decay_rates.size, bool)
     searches: dict[int, Iterator[tuple[float, float]]] = {}
     while found.prior is not None and not budget.over:
-        priors = GainCurve(rates, gains).priors(problem)
-        k = int(np.argmin([np.inf if one is None else one.slope for one in priors]))
-        if known[k] or (prior := priors[k]) is None:
+        curve = GainCurve(rates, gains)
+        k = curve.knee(problem)
+        if known[k] or (prior := curve.priors(problem)[k]) is None:
             break
         if k not in searches:
             if formulate(dataclasses.replace(problem, prior=prior), accuracy=TAILS).work > _QUICK_WORK:
@@ -355,8 +356,7 @@ def _recommend(
     problem: MixedProblem, rates: Real, gains: Real, errors: Real, priors: tuple[Prior | None, ...], points: int
 ) -> tuple[Prior | None, str]:
     largest, floor = response_sizes(problem)
-    cost = np.array([np.inf if p is None else p.slope for p in priors])
-    k = int(np.argmin(cost)) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
+    k = GainCurve(rates, gains).knee(problem) if np.all(np.isnan(errors)) else int(np.nanargmin(errors))
     prior = priors[k]
     if prior is None:
         whole = points == sum(f.omega.size for f in problem.frequency)
@@ -379,7 +379,8 @@ def _recommend(
         )
     else:
         slope = "K rho/(rho^2 - 1)" if problem.dt else "K/(2 decay)"
-        what = f" the slope bound {slope} is smallest;" if np.isnan(errors[k]) else ""
+        almost = "" if k == int(np.argmin(GainCurve(rates, gains).slopes(problem))) else "almost the "
+        what = f" the slope bound {slope} is {almost}smallest;" if np.isnan(errors[k]) else ""
         reason = (
             f"at {_rate_words(rates[k], problem)}{what} the smallest K is"
             f" {gains[k]:.4g}, recommended K = {prior.gain_bound:.4g} = {SAFETY:g} x {gains[k]:.4g}"

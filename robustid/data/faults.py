@@ -33,6 +33,7 @@ class FaultKind(enum.StrEnum):
     SPIKE = "spike"
     WRAPPED = "wrapped"  # beyond the range of an integer, to its other end
     LOST = "lost samples"
+    HELD = "held"  # an output, at a lower rate than that of the record
     QUANTISED = "quantised"
     NO_RESPONSE = "no response"  # an output that the input doesn't move
     TONE = "tone"  # hum, and whatever stands out of its neighbours in frequency

@@ -14,7 +14,7 @@ from robustid.estimation.lost_samples import lost_in_periods, lost_samples
 from robustid.estimation.output_faults import answers, moves_on, output_faults
 from robustid.estimation.period_faults import period_faults
 from robustid.estimation.record_relations import with_relations
-from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, unwrapped, wrapped_fault
+from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, slower, unwrapped, wrapped_fault
 
 _REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
 _SHORTEST = 8  # samples of a period that is looked for
@@ -26,6 +26,7 @@ _WRONG = 0.3  # share of the input's power by which its periods differ, from whi
 _TAKEN_OUT = (FaultKind.SPIKE, FaultKind.JUMP, FaultKind.WRAPPED)
 _OF_ALL = (
     FaultKind.WRAPPED,
+    FaultKind.HELD,
     FaultKind.QUANTISED,
     FaultKind.TONE,
     FaultKind.DRIFT,
@@ -179,6 +180,9 @@ def _of_samples(record: TimeRecord, signal: Real, where: str, period: int | None
     """Fault that the values of one signal show, the most telling only; and the signal, unwrapped."""
     drive = record.u if where.startswith("output") or record.reference is None else record.reference
     for found in (
+        slower(signal, drive, where)
+        if where.startswith("output")
+        else [],  # a controller may be slower than the records
         in_steps(signal, drive, where),
         runs(signal, drive, where),
         at_ends(signal[_first_change(record.u) :], where),  # at rest, a signal is at one value

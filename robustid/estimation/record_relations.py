@@ -43,6 +43,7 @@ _BROKEN = {
     FaultKind.STUCK,
     FaultKind.WRONG_PERIOD,
     FaultKind.LOST,
+    FaultKind.HELD,
     FaultKind.QUANTISED,
     FaultKind.NO_RESPONSE,
 }

@@ -1,4 +1,4 @@
-"""Faults of single samples that their values show: saturated, stuck, lost, wrapped around, in coarse steps."""
+"""Faults of single samples that their values show: saturated, stuck, lost, held, wrapped around, in coarse steps."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ _STILL = 0.1  # part of the samples in which the input may keep its value
 _LEAVES = 3  # steps of the resolution by which a signal goes on after it was held
 _ENTERED = 2  # times the usual step, into and out of samples that were filled
 _FAR = 0.5  # of the range of all others
+_SLOWER = 20  # changes at whole multiples of the samples, different values, and changes of the input between
 _COARSE = 0.02  # of the rms: error of a quantiser
 _STEPS_LEAST = 10  # samples a step of a quantiser
 _ON_GRID = 1e-3  # of a step
@@ -136,6 +137,33 @@ def _held(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.ndar
         f" {first} on: samples were lost and filled in; leave those stretches out, or measure again"
     )
     return [Fault(FaultKind.LOST, words, where=where, size=total)]
+
+
+def slower(signal: Real, u: Real, where: str) -> list[Fault]:
+    """Output that was taken at a lower rate than its input, and held between: all its changes are whole multiples of samples apart.
+
+    It is no time-invariant answer to an input that changes between: half the time between the samples late at low frequencies,
+    and at others mixed with what the input has there. Where all inputs are held as it is, it is one.
+    """
+    every = _grid(signal)
+    if every < 2 or np.unique(signal).size < _SLOWER:
+        return []
+    at = np.flatnonzero(np.any(np.diff(u, axis=0) != 0, axis=1))
+    if at.size == 0 or at.size - np.bincount(at % every).max() < _SLOWER:
+        return []
+    steps = np.diff(signal)
+    size = float(np.sqrt(np.mean(steps[steps != 0] ** 2)) / signal.std())
+    words = (
+        f"{where} changes at one of {every} samples only, and its input between: it was taken at a lower rate and held, which makes"
+        f" it {(every - 1) / 2:g} samples late on average; record both at one rate"
+    )
+    return [Fault(FaultKind.HELD, words, where=where, size=size)]
+
+
+def _grid(signal: Real) -> int:
+    """Samples of which all distances between changes of a signal are multiples; 1 where there are too few to say."""
+    at = np.flatnonzero(np.diff(signal) != 0)
+    return int(np.gcd.reduce(np.diff(at))) if at.size > _SLOWER else 1
 
 
 def _longest_by_chance(starts: np.ndarray, counts: np.ndarray, samples: int) -> Real:

@@ -15,7 +15,7 @@ _LONGEST = 4096  # samples that are looked at
 _UNTRUE = {FaultKind.SATURATED, FaultKind.STUCK, FaultKind.LOST, FaultKind.WRAPPED}
 # Deviations, whose size is a part of the rms of the output: harmless within the bounds. Of drifts and tones the answer to a step
 # cannot be told.
-_DEVIATIONS = {FaultKind.SPIKE: 1.0, FaultKind.JUMP: 1.0, FaultKind.QUANTISED: 3**0.5}
+_DEVIATIONS = {FaultKind.SPIKE: 1.0, FaultKind.JUMP: 1.0, FaultKind.HELD: 1.0, FaultKind.QUANTISED: 3**0.5}
 
 
 def sample_faults(record: TimeRecord) -> list[Fault]:

@@ -211,3 +211,21 @@ def test_none_where_the_data_do_not_fall_or_the_modes_do_all():
     assert rid.advise.suggest_roll_off(problem_of(np.zeros(12), omega)) is None
     with pytest.raises(rid.InputError, match="roll-off or a weight already"):
         rid.advise.suggest_roll_off(problem_of(np.ones(12), omega, roll_off=2, corner=10.0))
+
+
+@pytest.mark.parametrize(("damping", "seed"), [(0.6, 0), (0.6, 1), (0.7, 2), (0.7, 3)])
+def test_a_plant_that_answers_at_once_with_its_largest_response_has_a_useful_prior(seed, damping):
+    """A notch beside two real poles in the place of its damped pair: its gain at high frequencies is in every K."""
+    import control
+
+    dt, rng, w = 1e-3, np.random.default_rng(seed), 2 * np.pi * 50
+    notch = control.tf([1, 0.01 * w, w**2], [1, 2 * damping * w, w**2])
+    omega = 2 * np.pi * np.arange(1.0, 400.0)
+    values = control.c2d(notch, dt)(np.exp(1j * omega * dt))
+    error = 0.005 * (rng.standard_normal(omega.size) + 1j * rng.standard_normal(omega.size))
+    frf = rid.FrequencyResponse(omega, values + error, bound=0.022, dt=dt)
+    poles = rid.kautz([w], [1.0], dt=dt, repeat=2)
+    problem = rid.MixedProblem(frequency=frf, parametric=poles, prior=ANY)
+    found = useful_prior(problem)
+    assert says_something(problem, found)
+    assert rid.identify(dataclasses.replace(problem, prior=found.prior)).consistent

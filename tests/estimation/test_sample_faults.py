@@ -107,6 +107,23 @@ def test_lost_samples_are_counted_whatever_filled_them(one):
         assert found[0].size == 5 * (8 if fill == "zero" else 9)
 
 
+@pytest.mark.parametrize("every", [2, 5])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("periodic", [False, True])
+def test_an_output_that_is_held_is_named_unless_its_input_is_held_too(every, seed, periodic):
+    one = record(seed=seed, periodic=periodic)
+
+    def taken(signal):
+        first = np.arange(SAMPLES) + every - seed % every
+        return signal[np.maximum(first // every * every - every + seed % every, 0)]
+
+    (fault,) = faults(changed(one, taken(one.y)))
+    assert (fault.kind, fault.where) == ("held", "output y")
+    assert not faults(one)
+    for u, y in ((one.u, np.round(one.y / one.y.std())), (taken(one.u), one.y), (taken(one.u), taken(one.y))):
+        assert all(fault.kind != "held" for fault in faults(changed(one, y, u=u)))
+
+
 @pytest.mark.parametrize("missing", [2, 25])
 def test_samples_that_are_missing_are_named_by_their_number(one, missing):
     y, at = one.y[:, 0], 1111
