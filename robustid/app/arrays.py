@@ -12,6 +12,7 @@ from robustid.formats import Item, axis_role, heading, seconds_in
 
 _EVEN = 1e-6  # part of a step
 _FEW = 8  # rows of a spectrum
+_FIRST = 1000  # numbers
 _MAGNITUDE, _PHASE = re.compile(r"^mag(n|$)|magn|gain|ampl|^abs", re.I), re.compile(r"pha|arg|angle|°|deg", re.I)
 _AXIS = re.compile(r"f$|freq|omega|hz|rad|w$", re.I)
 _TIME = re.compile(r"\bt$|time", re.I)
@@ -37,13 +38,15 @@ def _range(item: Item) -> str:
     if np.iscomplexobj(values):
         size = np.abs(values[np.isfinite(values)])
         return f"complex, magnitudes {size.min():.4g} to {size.max():.4g}" if size.size else "not finite"
-    finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
+    known = np.isfinite(values)
+    finite: Real = np.asarray(values if np.all(known) else values[known], dtype=float)
     if not finite.size:
         return "not finite"
     if values.size == 1:
-        return f"{finite[0]:.6g}"
-    digits = telling_digits(float(finite.min()), float(finite.max()), 4)
-    words = f"{finite.min():.{digits}g} to {finite.max():.{digits}g}"
+        return f"{finite.ravel()[0]:.6g}"
+    low, high = float(finite.min()), float(finite.max())
+    digits = telling_digits(low, high, 4)
+    words = f"{low:.{digits}g} to {high:.{digits}g}"
     step = _step(values)
     if step:
         words += f", evenly spaced by {step:.6g}"
@@ -51,15 +54,15 @@ def _range(item: Item) -> str:
             scale = seconds_in(item.address)
             words += f" ({'as seconds: ' if scale is None else ''}{1 / (step * (scale or 1)):.6g} samples per second)"
         elif _AXIS.search(item.name) and not item.unit and axis_role(item.address.rpartition(".")[2]) != "freq_hz":
-            top = float(finite.max())
-            words += f" (as Hz up to {hz_words(top, 4)}; as rad/s up to {hz_words(top / (2 * np.pi), 4)})"
+            words += f" (as Hz up to {hz_words(high, 4)}; as rad/s up to {hz_words(high / (2 * np.pi), 4)})"
     return words
 
 
 def _step(values: np.ndarray) -> float:
     """Step of numbers that are evenly spaced; 0 of others."""
     flat: Real = np.asarray(values, dtype=float).ravel()
-    if flat.size < 3 or not np.all(np.isfinite(flat)):
+    first = np.diff(flat[:_FIRST])  # those of most signals show that they are none of an axis
+    if flat.size < 3 or not np.ptp(first) <= 30 * _EVEN * np.abs(first).max() or not np.all(np.isfinite(flat)):
         return 0.0
     steps = np.diff(flat)
     middle = float(np.median(steps))
@@ -91,7 +94,7 @@ def array_faults(item: Item) -> list[Fault]:
         found.append(Fault(FaultKind.TWO_SIDED, words, where=name, size=half))
     if np.iscomplexobj(values) or not values.size or missing == values.size:
         return found
-    finite: Real = np.asarray(values[np.isfinite(values)], dtype=float)
+    finite: Real = np.asarray(values[np.isfinite(values)] if missing else values, dtype=float)
     said = heading(name)
     size = not item.unit and (said is None or said.part in ("magnitude", ""))
     if size and _MAGNITUDE.search(item.name) and "db" not in name.lower() and (least := float(finite.min())) < 0:

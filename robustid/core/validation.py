@@ -34,7 +34,7 @@ def as_array(name: str, value: Any, *, dtype: type = float, ndim: int | None = N
             raise TypeError
         if dtype is float and np.iscomplexobj(array):
             raise InputTypeError(f"`{name}` must be real; got complex values")
-        array = array.astype(dtype)
+        array = array.astype(dtype, copy=False)  # it is a copy already
     except InputTypeError:
         raise
     except (TypeError, ValueError):

@@ -11,7 +11,7 @@ from robustid.core import Real, as_count, hz_words, one_thread
 from robustid.data import Bound, FrequencyResponse, TimeRecord, as_frequency_response, as_probability, joint_radius
 from robustid.errors import InputError
 from robustid.estimation.noise_floor import bounds_from_noise_floor
-from robustid.estimation.record_faults import found_period
+from robustid.estimation.repetition import found_period
 from robustid.estimation.roughness import FEWEST, roughness
 
 BOUND_SOURCES = ("periods", "rest", "coherence", "scatter")

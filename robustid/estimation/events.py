@@ -10,6 +10,7 @@ import numpy as np
 from robustid.core import Real
 from robustid.estimation.innovations import LAST, Predictor, Predictors, order_for
 from robustid.estimation.periodic import without_drift
+from robustid.estimation.stretch import thinned
 
 _FALSE_ALARM = 1e-4  # in one signal
 _BLOCK = 128  # samples over which the level of the innovations is taken
@@ -56,7 +57,7 @@ def examined(y: Real, predictors: Predictors, u: Real, period: int | None) -> Ex
     for _ in range(_ROUNDS):
         left = clean if period is None else without_period(_level_over_periods(clean, period), period)
         predictor = predictors.of(left)
-        new = _largest(predictor.innovations(left, u), predictor, period)
+        new = largest_events(predictor.innovations(left, u), predictor, period)
         if period is not None:  # the mean over the periods took its part of a sample that is off
             share = 1 - period / y.size
             new = [one if one.jump else one._replace(height=one.height / share) for one in new]
@@ -143,7 +144,7 @@ def without_period(signal: Real, period: int) -> Real:
     return signal - mean[np.arange(signal.size) % period]
 
 
-def _largest(w: Real, predictor: Predictor, period: int | None) -> list[Event]:
+def largest_events(w: Real, predictor: Predictor, period: int | None) -> list[Event]:
     """Events of innovations ``w = a(q) y`` that are the largest, or close to it.
 
     One sample that is off by h adds ``h a[k]`` to w from there on; a jump adds the running sum of that. Least squares of h at every
@@ -193,7 +194,7 @@ def _level(w: Real, floor: float) -> Real:
 
 def _limit(tau: Real) -> float:
     """Value that exponential tails with the quantiles of `tau` pass in one signal of 10 000, and normal ones at least."""
-    lower, upper = np.quantile(tau, (0.9, 0.97))
+    lower, upper = np.quantile(thinned(tau), (0.9, 0.97))
     normal = math.sqrt(2 * math.log(tau.size / _FALSE_ALARM))
     tails = float(upper + (upper - lower) / math.log(0.1 / 0.03) * math.log(0.03 * tau.size / _FALSE_ALARM))
     return max(tails, normal)
@@ -215,19 +216,22 @@ def _jumps(w: Real, sums: Real, noise: Real) -> tuple[Real, Real]:
     count, total = sums.size, w.size
     if total < 4 * count:
         return np.zeros(total), np.zeros(total)
-    left = total - np.arange(total)
-    first, rest = np.minimum(left, count), np.maximum(left - count, 0)
-    tails = np.concatenate([np.cumsum(w[::-1])[::-1], np.zeros(count)])
     near = np.correlate(np.concatenate([w, np.zeros(count - 1)]), sums, mode="valid")
-    own, all_own = np.cumsum(sums)[first - 1], np.cumsum(sums**2)[first - 1]
-    area, power = own + sums[-1] * rest, all_own + sums[-1] ** 2 * rest
-    weight = np.maximum(power - area**2 / total, 1e-12 * power)
-    height = (near + sums[-1] * tails[count:] - area * w.mean()) / weight
     # A drift is no jump: the samples right after it have to show it against those right before.
     past = np.concatenate([np.zeros(count), np.cumsum(w)])
     before = (past[count - 1 : -1] - np.concatenate([np.zeros(count), past[count:-1]])[:total]) / count
-    before[:count] = 0.0
-    abrupt = (near - own * before) / (np.sqrt(all_own + own**2 / count) * noise)
-    inside = (np.abs(abrupt) > _ABRUPT) & (abrupt * height > 0)
-    inside[:count] = inside[total - count :] = False
-    return height, np.where(inside, np.abs(height) * np.sqrt(weight) / noise, 0.0)
+    own, all_own = float(np.cumsum(sums)[-1]), float(np.cumsum(sums**2)[-1])
+    height, sure = np.zeros(total), np.zeros(total)
+    inside = slice(count, total - count)
+    abrupt = (near - own * before)[inside] / (np.sqrt(all_own + own**2 / count) * noise[inside])
+    at = np.flatnonzero(np.abs(abrupt) > _ABRUPT)
+    if at.size == 0:
+        return height, sure
+    abrupt, at = abrupt[at], at + count
+    rest = total - at - count
+    tails = np.cumsum(w[::-1])[::-1][at + count]
+    area, power = own + sums[-1] * rest, all_own + sums[-1] ** 2 * rest
+    weight = np.maximum(power - area**2 / total, 1e-12 * power)
+    height[at] = (near[at] + sums[-1] * tails - area * w.mean()) / weight
+    sure[at] = np.where(abrupt * height[at] > 0, np.abs(height[at]) * np.sqrt(weight) / noise[at], 0.0)
+    return height, sure

@@ -6,6 +6,7 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
+from robustid.estimation.innovations import filtered
 from robustid.estimation.noise_in_inputs import WITHOUT_CONTROLLER, noise_in_inputs
 
 _LAGS = 20
@@ -37,15 +38,19 @@ def feedback_faults(record: TimeRecord) -> list[Fault]:
     if record.reference is not None or len(record.u) < _FEWEST:
         return []
     tied: list[tuple[float, str]] = []
+    outputs = [(y, y - y.mean(), one) for y, one in zip(record.y.T, record.outputs, strict=True) if np.ptp(y) > 0]
     for u, name in zip(record.u.T, record.inputs, strict=True):
-        for y, other in zip(record.y.T, record.outputs, strict=True):
-            if np.ptp(u) == 0 or np.ptp(y) == 0:
-                continue
-            e, z = ((x - x.mean()) / np.ptp(x) for x in (u, y))
+        if np.ptp(u) == 0 or not outputs:
+            continue
+        e = (u - u.mean()) / np.ptp(u)
+        past = _own_past(e)
+        new = _new(e, past)
+        for y, about_mean, other in outputs:
+            z = about_mean / np.ptp(y)
             pair = f"input {name.name} and output {other.name}"
             if float(e @ z) > _COPY * float(np.linalg.norm(e) * np.linalg.norm(z)):
                 continue  # the output is the input, in another unit
-            if (left := _computed(e, z)) < _EXACT and not _simulated(u, y):
+            if (left := _computed(e, z, past, new)) < _EXACT and not _simulated(u, y):
                 words = (
                     f"{pair}: all but {left:.1g} of the changes of the input follow from the output: a controller computes it, and"
                     " nothing else moves it. The response would be that of -1/controller; excite the loop, and give the reference"
@@ -78,10 +83,8 @@ def _correlations(u: Real, y: Real, lags: int) -> tuple[float, float]:
     """Largest correlation of the input, whitened over so many lags, with earlier outputs, and with later ones, in standard
     deviations.
     """
-    import scipy.signal
-
     whitening = _autoregression(u, lags)
-    e, z = (scipy.signal.lfilter(whitening, 1, x - x.mean())[2 * lags :] for x in (u, y))
+    e, z = (filtered(whitening, x - x.mean())[2 * lags :] for x in (u, y))
     if e.std() <= _CONTINUED * u.std() or np.mean(e**4) > _PEAKED * np.mean(e**2) ** 2 or not _white_everywhere(e):
         return 0.0, 0.0
     scale = float(np.sqrt(e.size) * e.std() * z.std())
@@ -108,19 +111,25 @@ def _autoregression(u: Real, lags: int) -> Real:
     return np.concatenate([[1.0], -scipy.linalg.solve_toeplitz(r[:-1], r[1:])])
 
 
-def _computed(u: Real, y: Real) -> float:
+def _own_past(u: Real) -> Real:
+    """Columns of the input before every sample, and a constant."""
+    rows = np.arange(_ORDER, u.size)
+    return np.stack([u[rows - lag] for lag in range(1, _ORDER + 1)] + [np.ones(rows.size)], axis=1)
+
+
+def _new(u: Real, columns: Real) -> float:
+    """Power of what columns leave of the input."""
+    left = u[_ORDER:] - columns @ np.linalg.lstsq(columns, u[_ORDER:], rcond=None)[0]
+    return float(left @ left)
+
+
+def _computed(u: Real, y: Real, past: Real, new: float) -> float:
     """Part of what is new in the input, given its own past, that present and past outputs leave unexplained."""
     rows = np.arange(_ORDER, u.size)
-    past = np.stack([u[rows - lag] for lag in range(1, _ORDER + 1)] + [np.ones(rows.size)], axis=1)
     outputs = np.stack([y[rows - lag] for lag in range(_ORDER + 1)], axis=1)
     outputs = outputs / max(float(np.abs(y).max()), np.finfo(float).tiny)
-    own, both = (
-        u[rows] - A @ np.linalg.lstsq(A, u[rows], rcond=None)[0]
-        for A in (past, np.concatenate([past, outputs], axis=1))
-    )
-    new = float(own @ own)
     # An input that is its own continuation (a few sines, a constant) has nothing new.
-    return 1.0 if new <= _CONTINUED**2 * float(u @ u) else float(both @ both) / new
+    return 1.0 if new <= _CONTINUED**2 * float(u @ u) else _new(u, np.concatenate([past, outputs], axis=1)) / new
 
 
 def _simulated(u: Real, y: Real) -> bool:

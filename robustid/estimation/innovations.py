@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Real
+from robustid.estimation.stretch import LONG
 
 _ORDER = 30  # of the predictor, at most
 _ROWS = 20_000  # of the regression, about
@@ -33,12 +34,10 @@ class Predictor(NamedTuple):
 
     def from_start(self, y: Real, u: Real) -> Real:
         """Innovations (T,) as if everything had been 0 before the record."""
-        import scipy.signal
-
-        w = scipy.signal.lfilter(self.a, 1.0, y)
+        w = filtered(self.a, y)
         for b, one in zip(self.b, u.T, strict=True):
-            w -= scipy.signal.lfilter(b, 1.0, one)
-        return np.asarray(w - trends(len(y)) @ self.trend, dtype=float)
+            w -= filtered(b, one)
+        return np.asarray(w - trends(len(y)) @ self.trend, dtype=float) if np.any(self.trend) else w
 
 
 class Trend(NamedTuple):
@@ -49,9 +48,28 @@ class Trend(NamedTuple):
     left: Real
 
 
-def trends(samples: int) -> Real:
-    """Legendre polynomials (T, 4) over a record."""
-    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), _DEGREE), dtype=float)
+def filtered(b: Real, signal: Real) -> Real:
+    """Signal (T,) through a filter of finite length, from rest."""
+    return np.asarray(np.convolve(b, signal)[: signal.size], dtype=float)
+
+
+def trends(samples: int, rows: NDArray[np.intp] | slice = slice(None)) -> Real:
+    """Legendre polynomials (T, 4) over a record, at some of its samples."""
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, samples)[rows], _DEGREE), dtype=float)
+
+
+def without_trend(y: Real) -> Real:
+    """Signal (T,) less its least-squares trend; of a very long one by some of its samples."""
+    if y.size <= LONG:
+        shapes = trends(y.size)
+        return y - shapes @ np.linalg.lstsq(shapes, y, rcond=None)[0]
+    rows = np.arange(0, y.size, y.size // LONG)
+    found = np.linalg.lstsq(trends(y.size, rows), y[rows], rcond=None)[0]
+    left, place = y.copy(), np.linspace(-1, 1, y.size)
+    for first in range(0, y.size, LONG):
+        part = slice(first, first + LONG)
+        left[part] -= np.polynomial.legendre.legval(place[part], found)
+    return left
 
 
 def order_for(samples: int, inputs: int) -> int:
@@ -69,7 +87,7 @@ class Predictors:
         self._rows: NDArray[np.intp] = np.asarray(
             np.arange(self.order, samples, max(1, samples // _ROWS)), dtype=np.intp
         )
-        parts = [self._lagged(one, 0) for one in u.T] + [np.asarray(trends(samples)[self._rows], dtype=float)]
+        parts = [self._lagged(one, 0) for one in u.T] + [trends(samples, self._rows)]
         given = np.concatenate(parts, axis=1)
         self._size = _rms(given)
         self._given = given / self._size
@@ -111,9 +129,8 @@ class Predictors:
     def trend_beside(self, y: Real, a: Real) -> Trend:
         """Trend of ``a(q) y`` beside the answer to the inputs: least squares of both, so that it is as unsure as their gain."""
         import scipy.linalg
-        import scipy.signal
 
-        target = scipy.signal.lfilter(a, 1.0, y)[self._rows]
+        target = filtered(a, y)[self._rows]
         size = float(_rms(target[:, None])[0])
         gram = self._gram.copy()
         gram[np.diag_indices_from(gram)] += _RIDGE * self.rows

@@ -8,12 +8,14 @@ import numpy as np
 
 from robustid.core import Real
 from robustid.data import Fault, FaultKind
-from robustid.estimation.innovations import Predictors
+from robustid.estimation.innovations import Predictors, filtered
+from robustid.estimation.stretch import LONG
 
 _FEWEST = 300  # samples of a part that is compared
 _LAGS = 500  # samples that may be missing, at most
 _LEAST = 2  # one sample may be the drift of a clock
 _CERTAIN = 8.0  # standard deviations by which another shift fits better
+_END = LONG // 4  # samples at the end of a very long record
 _BESIDE = 0.12  # of the record, on either side of the place, where the shift has to be what it says
 
 
@@ -22,10 +24,17 @@ def lost_samples(y: Real, u: Real, where: str) -> Fault | None:
     third = y.size // 3
     if third < _FEWEST or np.ptp(y) == 0:
         return None
-    predictors = Predictors(u[:third])
+    first = min(third, LONG)
+    predictors = Predictors(u[:first])
     if predictors.order < 2:
         return None
-    found = predictors.of(y[:third])
+    found = predictors.of(y[:first])
+    if y.size > 3 * LONG:  # the end tells whether any are missing
+        last = slice(y.size - _END - 3 * _LAGS, y.size)
+        (w, v), (w0, v0) = (_sides(found.a, found.b, y[part], u[part]) for part in (last, slice(0, _END)))
+        shift, sure = _best_shift(w - w0.mean(), v - v0.mean(), slice(2 * _LAGS, w.size - _LAGS), _LAGS)
+        if not _shifted(shift, sure):
+            return None
     w, v = _sides(found.a, found.b, y, u)
     return _found(w - w[:third].mean(), v - v[:third].mean(), where, _LAGS)
 
@@ -34,27 +43,34 @@ def lost_in_periods(y: Real, period: int, where: str) -> Fault | None:
     """Samples that are missing, by the first period where the others follow it, shifted."""
     if y.size < 2 * period or period < _LEAST * 8 or np.ptp(y) == 0:
         return None
-    first = y[:period] - y[:period].mean()
+    first, lags = y[:period] - y[:period].mean(), min(_LAGS, period // 2 - 1)
+    if y.size > 3 * LONG:
+        n = np.arange(y.size - _END - 2 * lags, y.size)
+        w, v = y[n[0] :] - y[n[0] :].mean(), first[n % period]
+        if not _shifted(*_best_shift(w, v, slice(lags, w.size - lags), lags)):
+            return None
     pattern = np.tile(first, y.size // period + 1)[: y.size]
-    return _found(y - y.mean(), pattern, where, min(_LAGS, period // 2 - 1))
+    return _found(y - y.mean(), pattern, where, lags)
 
 
 def _sides(a: Real, b: Real, y: Real, u: Real) -> tuple[Real, Real]:
-    import scipy.signal
-
     v = np.zeros(y.size)
     for taps, one in zip(b, u.T, strict=True):
-        v += scipy.signal.lfilter(taps, 1.0, one)
-    return np.asarray(scipy.signal.lfilter(a, 1.0, y), dtype=float), v
+        v += filtered(taps, one)
+    return filtered(a, y), v
+
+
+def _shifted(shift: int, sure: float) -> bool:
+    return abs(shift) >= _LEAST and sure >= _CERTAIN
 
 
 def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
     """Fault where `w` follows `v` at first, and `v` that comes so many samples later at last."""
     samples = w.size
     lags = min(lags, samples // 4)
-    last = slice(samples - samples // 3, samples)
+    last = slice(samples - min(samples // 3, LONG), samples)
     shift, sure = _best_shift(w, v, last, lags)
-    if abs(shift) < _LEAST or sure < _CERTAIN:
+    if not _shifted(shift, sure):
         return None
     before = (w - v) ** 2
     after = (w - np.roll(v, -shift)) ** 2
@@ -62,7 +78,7 @@ def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
     # Left of the place the first fits, right of it the other.
     gain = np.cumsum((before - after)[usable])
     at = int(np.argmin(gain)) + usable.start + 1
-    beside = max(round(_BESIDE * samples), _FEWEST // 2)
+    beside = min(max(round(_BESIDE * samples), _FEWEST // 2), LONG)
     if at - beside < 0 or at + beside > samples:
         return None
     if _best_shift(w, v, slice(at - beside, at), lags)[0] != 0:
@@ -83,7 +99,7 @@ def _best_shift(w: Real, v: Real, part: slice, lags: int) -> tuple[int, float]:
     own = w[part]
     start, stop = part.start - reach, part.stop + reach
     padded = np.concatenate([np.zeros(max(-start, 0)), v[max(start, 0) : stop], np.zeros(max(stop - v.size, 0))])
-    products = np.correlate(padded, own, mode="valid") if own.size < 64 else _correlated(padded, own)
+    products = np.correlate(padded, own, mode="valid") if own.size < 64 else correlated(padded, own)
     squares = np.concatenate([[0.0], np.cumsum(padded**2)])
     power = squares[own.size :] - squares[: -own.size]
     errors = np.maximum(float(own @ own) + power - 2 * products, 0.0)
@@ -95,7 +111,10 @@ def _best_shift(w: Real, v: Real, part: slice, lags: int) -> tuple[int, float]:
     return best - reach, better / math.sqrt(2 / own.size) / 2
 
 
-def _correlated(long: Real, short: Real) -> Real:
-    import scipy.signal
+def correlated(long: Real, short: Real) -> Real:
+    """Sums of a short signal times a long one, at every place where it lies in it."""
+    import scipy.fft
 
-    return np.asarray(scipy.signal.fftconvolve(long, short[::-1], mode="valid"), dtype=float)
+    size = scipy.fft.next_fast_len(long.size + short.size - 1, True)
+    product = scipy.fft.rfft(long, size) * scipy.fft.rfft(short[::-1], size)
+    return np.asarray(scipy.fft.irfft(product, size), dtype=float)[short.size - 1 : long.size]

@@ -41,20 +41,26 @@ def noise_in_inputs(record: TimeRecord) -> list[Fault]:
     if order < 2 or not all(moving):
         return []
     rows: NDArray[np.intp] = np.asarray(np.arange(2 * order, samples - _AHEAD, max(1, samples // _ROWS)), dtype=np.intp)
-    past = _lagged(record.u, rows, range(2 * order + 1))
-    later = [_lagged(one[:, None], rows, range(-_AHEAD, 0)) for one in record.u.T]
+    past = np.hstack([_lagged(record.u, rows, range(2 * order + 1)), np.ones((rows.size, 1))])
+    later = np.hstack([_lagged(one[:, None], rows, range(-_AHEAD, 0)) for one in record.u.T])
+    given = np.hstack([past, later])
+    gram = given.T @ given
     limit = float(chdtri(_AHEAD, _CHANCE / (nu * record.y.shape[1])))
     found: list[tuple[float, str]] = []
     for y, output in zip(record.y.T, record.outputs, strict=True):
         if np.ptp(y) == 0:
             continue
         y = y - y.mean()
-        known = np.hstack([_lagged(y[:, None], rows, range(1, order + 1)), past, np.ones((rows.size, 1))])
-        without, spare = _left(known, y[rows]), rows.size - known.shape[1] - _AHEAD
+        own = _lagged(y[:, None], rows, range(1, order + 1))
+        columns, cross = np.hstack([own, given]), own.T @ given
+        products = np.block([[own.T @ own, cross], [cross.T, gram]])
+        count = order + past.shape[1]
+        without, spare = _left(columns, products, y[rows], count, slice(0)), rows.size - count - _AHEAD
         if spare < order or without <= _PRECISE * float(y[rows] @ y[rows]):
             continue
-        for columns, input in zip(later, record.inputs, strict=True):
-            gain = without / _left(np.hstack([known, columns]), y[rows]) - 1
+        for j, input in enumerate(record.inputs):
+            more = slice(count + j * _AHEAD, count + (j + 1) * _AHEAD)
+            gain = without / _left(columns, products, y[rows], count, more) - 1
             part = gain / (1 + gain)
             if gain * spare > limit and part > _LEAST:
                 found.append((part, f"input {input.name} and output {output.name}"))
@@ -81,12 +87,16 @@ def _lagged(signals: Real, rows: NDArray[np.intp], lags: range) -> Real:
     return np.concatenate(columns, axis=1)
 
 
-def _left(columns: Real, right: Real) -> float:
-    """Squares that least squares leave."""
+def _left(columns: Real, products: Real, right: Real, first: int, more: slice) -> float:
+    """Squares that least squares by the first columns and some more leave, with the products of all of them."""
     import scipy.linalg
 
-    columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), np.finfo(float).tiny)
-    gram = columns.T @ columns
+    used = np.r_[:first, more]
+    gram = products[np.ix_(used, used)]
+    size = np.maximum(np.sqrt(np.diag(gram) / len(columns)), np.finfo(float).tiny)
+    gram = gram / np.outer(size, size)
     gram[np.diag_indices_from(gram)] += _RIDGE * len(columns)
-    found = scipy.linalg.cho_solve(scipy.linalg.cho_factor(gram, check_finite=False), columns.T @ right)
+    factor = scipy.linalg.cho_factor(gram, check_finite=False)
+    found = np.zeros(columns.shape[1])
+    found[used] = scipy.linalg.cho_solve(factor, (columns.T @ right)[used] / size) / size
     return float(np.sum((right - columns @ found) ** 2))

@@ -11,7 +11,17 @@ from robustid.core import Real
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.events import Event, Examined, examined, not_after_changes, not_repeated
 from robustid.estimation.innovation_scatter import jitter_of_innovations
-from robustid.estimation.innovations import Predictor, Predictors, gain_of_inputs, order_for, own_continuation, trends
+from robustid.estimation.innovations import (
+    Predictor,
+    Predictors,
+    gain_of_inputs,
+    order_for,
+    own_continuation,
+    trends,
+    without_trend,
+)
+from robustid.estimation.long_outputs import Pieces
+from robustid.estimation.stretch import LONG, liveliest
 from robustid.estimation.tone_faults import keeps_on, tone_fault, tones_beside, without_tones
 
 _CERTAIN = 8.0  # standard deviations of a trend
@@ -51,25 +61,45 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
     repeats = period if period is not None and len(record.u) >= _PERIODS * period else None
     # What drifts makes the mean over the periods jump where it begins anew: as a sawtooth does.
     u = record.u if repeats is None else (np.arange(len(record.u)) % repeats / repeats - 0.5)[:, None]
-    predictors = Predictors(u)
+    if len(u) > LONG:
+        u = np.asfortranarray(u)  # signals are gone through one by one
+    predictors, cut = Predictors(u), Pieces(u, repeats) if len(u) > LONG else None
     found: list[Fault] = _before_input(record, told)
-    clean = record.y.copy()
+    clean = record.y
     for i, channel in enumerate(record.outputs):
         where = f"output {channel.name}"
         if where in told:
             continue
         y = record.y[:, i]
-        seen, own = _seen(y, u, predictors, repeats, period is not None)
-        clean[:, i] = seen.signal
-        events = seen.events
-        if period is None:
-            events = not_after_changes(events, record.u, predictors.order)
-        elif repeats is None:
+        if cut is not None:
+            y = np.ascontiguousarray(y)
+            seen, own = _seen_in_pieces(record, y, cut, period), predictors
+            events = seen.events
+        else:
+            seen, own = _seen(y, u, predictors, repeats, period is not None)
+            events = seen.events if period is not None else not_after_changes(seen.events, record.u, predictors.order)
+        if period is not None and repeats is None:
             events = not_repeated(events, y, period)
+        if seen.signal is not y:
+            clean = clean.copy() if clean is record.y else clean
+            clean[:, i] = seen.signal
         found += _events(seen._replace(events=events), where, period)
         if period is None:
-            found += _aperiodic(record, i, seen, where, own)
+            found += _aperiodic(record, seen, where, own, cut)
     return Outputs(found, clean)
+
+
+def _seen_in_pieces(record: TimeRecord, y: Real, cut: Pieces, period: int | None) -> Examined:
+    """Events of a very long output: of its pieces, which are examined as records are."""
+
+    def examine(part: slice) -> Examined:
+        predictors = Predictors(cut.u[part])
+        seen, _ = _seen(y[part], cut.u[part], predictors, cut.period, period is not None)
+        if period is not None:
+            return seen
+        return seen._replace(events=not_after_changes(seen.events, record.u[part], predictors.order))
+
+    return cut.examined(y, examine)
 
 
 def _seen(y: Real, u: Real, predictors: Predictors, repeats: int | None, periodic: bool) -> tuple[Examined, Predictors]:
@@ -77,7 +107,7 @@ def _seen(y: Real, u: Real, predictors: Predictors, repeats: int | None, periodi
     seen, heard = examined(y, predictors, u, repeats), list[float]()
     if periodic or predictors.order == 0 or np.ptp(y) == 0:
         return seen, predictors
-    for signal in (y, seen.signal):  # tones show better where no spikes are
+    for signal in (y, seen.signal) if seen.events else (y,):  # tones show better where no spikes are
         heard = _absorbed(signal, u, predictors)
         if heard:
             break
@@ -107,7 +137,9 @@ def _absorbed(y: Real, u: Real, predictors: Predictors) -> list[float]:
     return lines + [one for one in own if all(abs(one - other) * y.size > 1 for other in lines)]
 
 
-def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictors: Predictors) -> list[Fault]:
+def _aperiodic(
+    record: TimeRecord, seen: Examined, where: str, predictors: Predictors, cut: Pieces | None
+) -> list[Fault]:
     """Drift, point of operation and tones, by the predictor of a record that repeats nothing."""
     predictor, y, u = seen.predictor, seen.signal, record.u
     if predictor is None or not moves_on(u):
@@ -119,6 +151,12 @@ def _aperiodic(record: TimeRecord, i: int, seen: Examined, where: str, predictor
     found = [] if short else _drift(predictors, y, u, where)
     if record.initial == "rest" and not any(fault.kind is FaultKind.OFFSET for fault in found):
         found += _operating_point(predictor, record, y, where)
+    if cut is not None:  # what goes on is in the liveliest piece, too
+        y, u = y[cut.lead], cut.u[cut.lead]
+        seen, _ = _seen(y, u, cut.predictors, None, False)
+        predictor, y = seen.predictor, seen.signal
+        if predictor is None:
+            return found
     w = predictor.innovations(y, u)
     tones = [one for one in tones_beside(w, u) if keeps_on(w, one[0])]
     if tones:
@@ -173,8 +211,7 @@ def _drift(predictors: Predictors, y: Real, u: Real, where: str) -> list[Fault]:
     The predictor is that of the output less its own trend: else it would take a strong drift for a pole at 1. A trend of an input
     whose slow answer the rest of the record does not tell explains that of the output.
     """
-    shapes = trends(y.size)
-    predictor = predictors.of(y - shapes @ np.linalg.lstsq(shapes, y, rcond=None)[0])
+    predictor, shapes = predictors.of(without_trend(y)), trends(min(y.size, LONG))
     found, unsure, left = Predictors(u, predictors.order).trend_beside(y, predictor.a)  # with the tones of both
     slow = np.abs(np.fft.rfft(left)[1 : _SLOW + 1]) / math.sqrt(left.size)
     noise = max(predictor.noise, float(np.sqrt(np.mean(slow**2))))  # disturbances that are larger the slower they are
@@ -192,6 +229,8 @@ def _drift(predictors: Predictors, y: Real, u: Real, where: str) -> list[Fault]:
 
 def moves_on(u: Real) -> bool:
     """Return whether inputs (T, nu) change often: an answer to a step or two looks like a drift, a tone, or another level."""
+    if len(u) > LONG and moves_on(u[:LONG]):
+        return True
     return int(np.sum(np.any(np.diff(u, axis=0) != 0, axis=1))) >= _CHANGES
 
 
@@ -220,7 +259,10 @@ def _mean_stands_out(signal: Real) -> bool:
     """Return whether the mean is far above the lowest lines of the spectrum."""
     if np.ptp(signal) == 0:
         return False
-    lines = np.abs(np.fft.rfft(signal)[: _LOWEST + 1])
+    # Of a very long signal the means of a few samples have the same lowest lines.
+    together = max(signal.size // LONG, 1)
+    means = signal[: signal.size // together * together].reshape(-1, together).mean(axis=1)
+    lines = np.abs(np.fft.rfft(means)[: _LOWEST + 1])
     return bool(lines[0] > _STANDS_OUT * np.sqrt(np.mean(lines[1:] ** 2)))
 
 
@@ -260,6 +302,8 @@ def answers(record: TimeRecord, i: int, period: int | None) -> bool:
         return True
     if period is not None and len(y) >= 2 * period:
         return _repeats(y, u, period)
+    if len(y) > LONG:
+        y, u = (one[liveliest(record.u)] for one in (y, u))
     order = order_for(*u.shape)
     if order < 2:
         return True
@@ -291,6 +335,10 @@ def _repeats(y: Real, u: Real, period: int) -> bool:
     """Return whether excited lines of a periodic record stand out of their scatter between the periods."""
     from scipy.special import polygamma, psi
 
+    most = max(LONG // period, 4) * period  # of a very long record the last
+    if y.size > most:
+        first = y.size // period * period - most
+        y, u = y[first : first + most], u[first : first + most]
     whole = y.size // period * period
     lines = np.fft.rfft(y[:whole].reshape(-1, period), axis=1)[:, 1 : (period + 1) // 2]
     drive = np.abs(np.fft.rfft(u[:whole].reshape(-1, period, u.shape[1]), axis=1).mean(axis=0))[1 : (period + 1) // 2]

@@ -14,12 +14,10 @@ from robustid.estimation.lost_samples import lost_in_periods, lost_samples
 from robustid.estimation.output_faults import answers, moves_on, output_faults
 from robustid.estimation.period_faults import period_faults
 from robustid.estimation.record_relations import with_relations
+from robustid.estimation.repetition import apart, found_period
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, slower, unwrapped, wrapped_fault
+from robustid.estimation.stretch import LONG, liveliest
 
-_REPEATS, _DIFFERS = 0.15, 0.5  # share of a signal's power by which periods may differ; by which something else does
-_SHORTEST = 8  # samples of a period that is looked for
-_DIPS, _ALIKE = 3, 0.1  # places that are looked at; part of what the earlier ones differ by
-_SAME_LAG = 0.5  # samples by which the periods of an early and of a late part may differ
 _BETTER = 10  # times less, by another period than the one that is stated
 _CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
 _WRONG = 0.3  # share of the input's power by which its periods differ, from which on they are none
@@ -35,6 +33,7 @@ _OF_ALL = (
     FaultKind.JITTER,
     FaultKind.FEEDBACK,
 )
+_PAIRS = 4  # of signals: a stretch is so many times shorter where there are more
 _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 
 
@@ -80,15 +79,16 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     found: list[Fault] = []
     told: set[tuple[int, str]] = set()
     clean: list[TimeRecord] = []
+    periods = [found_period(one) for one in records]
+    repeating = [_repeated(one, period or right) for one, right in zip(records, periods, strict=True)]
     for k, one in enumerate(records):
-        repeats = _repeated(one, period)
-        faults, sound = _alone(one, [r.u for r in records], period, repeats)
+        faults, sound = _alone(one, [r.u for r in records], (period, periods[k]), repeating[k])
         found += [fault._replace(record=k + 1 if len(records) > 1 else 0) for fault in faults]
         told |= {(k, fault.where) for fault in faults if fault.where and fault.kind not in _TAKEN_OUT}
         clean.append(sound)
     same = all(one.u.shape == records[0].u.shape and one.y.shape == records[0].y.shape for one in records)
     moving = any(moves_on(one.u) for one in records)
-    dead = _unmoved(records, period, told) if same and moving else []
+    dead = _unmoved(records, repeating, told) if same and moving else []
     found += dead
     told |= {(k, fault.where) for fault in dead for k in range(len(records))}
     if period is not None and same and all(_repeats_with(one, period) for one in records):
@@ -103,17 +103,16 @@ def operating_point(record: TimeRecord) -> Fault | None:
     """The point of operation about which a record begins, though zero initial conditions are taken; None where it shows none."""
     if record.initial != "rest":
         return None
-    found = output_faults(record, _repeated(record, None), set()).faults
+    found = output_faults(record, _repeated(record, found_period(record)), set()).faults
     return next((fault for fault in found if fault.kind is FaultKind.OFFSET and fault.correction), None)
 
 
 def _repeated(record: TimeRecord, period: int | None) -> int | None:
-    """Period with which the input repeats closely, stated or not; None where it doesn't."""
-    right = found_period(record) if period is None else period
-    if right is None or len(record.u) < 2 * right:
+    """Period, stated or found, with which the input repeats closely; None where it doesn't."""
+    if period is None or len(record.u) < 2 * period:
         return None
     drive = record.u if record.reference is None else record.reference
-    return right if _apart(drive - drive.mean(axis=0), right) < _CLOSELY else None
+    return period if apart(drive - drive.mean(axis=0), period) < _CLOSELY else None
 
 
 def _joined(found: list[Fault], records: int) -> tuple[Fault, ...]:
@@ -130,12 +129,12 @@ def _joined(found: list[Fault], records: int) -> tuple[Fault, ...]:
 
 
 def _alone(
-    record: TimeRecord, inputs: list[Real], period: int | None, repeats: int | None
+    record: TimeRecord, inputs: list[Real], periods: tuple[int | None, int | None], repeats: int | None
 ) -> tuple[list[Fault], TimeRecord]:
-    """Faults of one record, and the record without those that could be taken out."""
+    """Faults of one record, with its period as it is stated and as it was found; and the record without what could be taken out."""
     found = _constant(record, inputs)
     told = {fault.where for fault in found}
-    y = record.y.copy()
+    y, turns = record.y.copy(), False
     sides = [("output", record.y, record.outputs)]
     if record.reference is not None:  # then the input is measured; an input that is played may stay at its ends
         sides.append(("input", record.u, record.inputs))
@@ -149,13 +148,32 @@ def _alone(
             told |= {where} if new and turned is signal else set()
             if side == "output":
                 y[:, i] = turned
-    clean = dataclasses.replace(record, y=y)
+                turns |= turned is not signal
+    clean = dataclasses.replace(record, y=y) if turns else record
     outputs = output_faults(clean, repeats, told)
     found += outputs.faults
-    repeating = _repeating(record, period)
+    repeating = _repeating(record, *periods)
     # A periodic input is like its own past: it is correlated with earlier outputs too.
-    random = period is None and record.initial != "periodic" and not repeating
-    return found + repeating + (feedback_faults(record) if random else []), dataclasses.replace(clean, y=outputs.y)
+    random = periods[0] is None and record.initial != "periodic" and not repeating
+    feedback = feedback_faults(_lively(record)) if random else []
+    return found + repeating + feedback, clean if outputs.y is clean.y else dataclasses.replace(clean, y=outputs.y)
+
+
+def _lively(record: TimeRecord) -> TimeRecord:
+    """The stretch of a very long record in which its inputs are largest, of several pairs of signals a shorter one."""
+    if len(record.u) <= LONG:
+        return record
+    part = liveliest(record.u, min(len(record.inputs) * len(record.outputs), _PAIRS))
+    return TimeRecord(
+        record.u[part],
+        record.y[part],
+        dt=record.dt,
+        reference=None if record.reference is None else record.reference[part],
+        initial="free",
+        held=record.held,
+        inputs=record.inputs,
+        outputs=record.outputs,
+    )
 
 
 def _constant(record: TimeRecord, inputs: list[Real]) -> list[Fault]:
@@ -180,9 +198,7 @@ def _of_samples(record: TimeRecord, signal: Real, where: str, period: int | None
     """Fault that the values of one signal show, the most telling only; and the signal, unwrapped."""
     drive = record.u if where.startswith("output") or record.reference is None else record.reference
     for found in (
-        slower(signal, drive, where)
-        if where.startswith("output")
-        else [],  # a controller may be slower than the records
+        slower(signal, drive, where) if where.startswith("output") else [],  # a controller may be slower than records
         in_steps(signal, drive, where),
         runs(signal, drive, where),
         at_ends(signal[_first_change(record.u) :], where),  # at rest, a signal is at one value
@@ -202,14 +218,14 @@ def _of_samples(record: TimeRecord, signal: Real, where: str, period: int | None
     return [], signal
 
 
-def _unmoved(records: list[TimeRecord], period: int | None, told: set[tuple[int, str]]) -> list[Fault]:
+def _unmoved(records: list[TimeRecord], periods: list[int | None], told: set[tuple[int, str]]) -> list[Fault]:
     """Outputs that no input moves in any record."""
     found: list[Fault] = []
     for i, channel in enumerate(records[0].outputs):
         where = f"output {channel.name}"
         if any((k, where) in told for k in range(len(records))):
             continue
-        if any(answers(r, i, _repeated(r, period)) for r in records):
+        if any(answers(r, i, period) for r, period in zip(records, periods, strict=True)):
             continue
         words = (
             f"{where} follows the input no more than chance does: a sensor that is not connected, or something far above the"
@@ -224,8 +240,8 @@ def _first_change(u: Real) -> int:
     return max(int(np.argmax(np.any(u != u[0], axis=1))) - 1, 0)
 
 
-def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
-    """Period that isn't stated, or is wrong."""
+def _repeating(record: TimeRecord, period: int | None, right: int | None) -> list[Fault]:
+    """Period that isn't stated, or is wrong; with the one that was found."""
     drive = record.u if record.reference is None else record.reference
     drive = drive - drive.mean(axis=0)
     power = float(np.mean(np.asarray(drive, dtype=float) ** 2))
@@ -234,14 +250,13 @@ def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
     if period is not None:
         if len(drive) < 2 * period:
             return []
-        apart, right = _apart(drive, period), found_period(record)
-        better = right is not None and period % right != 0 and _BETTER * _apart(drive, right) < apart
-        if apart <= _WRONG and not better:
+        differs = apart(drive, period)
+        better = right is not None and period % right != 0 and _BETTER * apart(drive, right) < differs
+        if differs <= _WRONG and not better:
             return []
         hint = "" if right is None else f"; it repeats every {right} samples"
-        words = f"the input differs by {100 * apart:.2g} % of its power from one period of {period} samples to the next{hint}"
-        return [Fault(FaultKind.WRONG_PERIOD, words, where="input", size=apart)]
-    right = found_period(record)
+        words = f"the input differs by {100 * differs:.2g} % of its power from one period of {period} samples to the next{hint}"
+        return [Fault(FaultKind.WRONG_PERIOD, words, where="input", size=differs)]
     if right is None:
         return []
     whole = len(drive) // right
@@ -256,76 +271,7 @@ def _repeating(record: TimeRecord, period: int | None) -> list[Fault]:
 def _repeats_with(record: TimeRecord, period: int) -> bool:
     """Return whether there are two periods, and they are alike."""
     drive = record.u if record.reference is None else record.reference
-    return len(drive) >= 2 * period and _apart(drive - drive.mean(axis=0), period) <= _WRONG
-
-
-def _apart(signal: Real, lag: int) -> float:
-    """Share of the power of a signal (T, n) by which it differs from itself `lag` samples later; 1 where unrelated."""
-    early, late = signal[:-lag], signal[lag:]
-    return float(np.sum((early - late) ** 2) / max(np.sum(early**2) + np.sum(late**2), np.finfo(float).tiny))
-
-
-def found_period(record: TimeRecord) -> int | None:
-    """Shortest period in samples with which the excitation, reference or input, repeats; None where it doesn't.
-
-    The shortest lag, at most half the record, at which it differs from itself by at most 15 % of its power, after it has differed
-    by half of it.
-    """
-    signal = record.u if record.reference is None else record.reference
-    signal = signal - signal.mean(axis=0)
-    samples = len(signal)
-    if samples < 2 * _SHORTEST or not np.any(signal):
-        return None
-    spectrum = np.fft.rfft(signal, 2 * samples, axis=0)
-    alike = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1))[: samples // 2 + 1]
-    power = np.concatenate([[0.0], np.cumsum(np.sum(signal**2, axis=1))])
-    lags = np.arange(alike.size)
-    both = power[samples - lags] + power[-1] - power[lags]
-    apart = 1 - 2 * alike / np.where(both > 0, both, 1)
-    different = np.flatnonzero(apart > _DIFFERS)
-    if different.size == 0:
-        return None
-    repeats = np.flatnonzero((apart <= _REPEATS) & (lags >= max(_SHORTEST, different[0])))
-    if repeats.size == 0:
-        return None
-    # The best lag of the first dip; or of the next two, where lines on every second or third bin repeat between two samples.
-    limit = np.inf
-    for _ in range(_DIPS):
-        first = int(repeats[0])
-        dip = first + int(np.argmax(np.concatenate([apart[first:] > _DIFFERS, [True]])))
-        best = first + int(np.argmin(apart[first : max(dip, first + 1)]))
-        # Of noise in a narrow band only the first cycles are alike, and the later ones less than the first.
-        if apart[best] < limit and not np.any(apart[best::best] > _DIFFERS):
-            return None if _sweeps(signal, best) else best
-        limit = min(limit, _ALIKE * float(apart[best]))
-        repeats = repeats[repeats > max(dip, first)]
-        if repeats.size == 0:
-            break
-    return None
-
-
-def _sweeps(signal: Real, lag: int) -> bool:
-    """Return whether early samples come again after another lag than late ones: cycles of a sweep become shorter, or longer."""
-    reach = max(lag // 8, 2)
-    pairs = len(signal) - lag - reach
-    half = pairs // 2
-    if half < _SHORTEST:
-        return False
-    lags = np.arange(lag - reach, lag + reach + 1)
-    ends = [
-        np.array([np.sum((signal[k : k + half] - signal[k + d : k + d + half]) ** 2) for d in lags])
-        for k in (0, pairs - half)
-    ]
-    return abs(_lowest(ends[0]) - _lowest(ends[1])) > _SAME_LAG
-
-
-def _lowest(values: Real) -> float:
-    """Place of the smallest value, between the numbers by a parabola."""
-    k = int(np.argmin(values))
-    if k in (0, len(values) - 1):
-        return float(k)
-    before, at, after = values[k - 1 : k + 2]
-    return k + 0.5 * float(before - after) / max(float(before - 2 * at + after), np.finfo(float).tiny)
+    return len(drive) >= 2 * period and apart(drive - drive.mean(axis=0), period) <= _WRONG
 
 
 def _levels(records: list[TimeRecord]) -> list[Fault]:

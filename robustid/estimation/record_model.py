@@ -40,22 +40,25 @@ class Fitted(NamedTuple):
         return self.cost / self.spare
 
 
-def carrying_lines(u: Real, most: int) -> np.ndarray:
-    """Spectral lines, at most so many, that inputs (T, nu) carry; without that of zero frequency."""
-    size = np.sum(np.abs(np.fft.rfft(u - u.mean(axis=0), axis=0)) ** 2, axis=1)
+def spectra_of(u: Real) -> Complex:
+    """Spectra (T/2 + 1, nu) of inputs (T, nu) less their mean."""
+    return np.fft.rfft(u - u.mean(axis=0), axis=0)
+
+
+def carrying_lines(spectra: Complex, samples: int) -> np.ndarray:
+    """Spectral lines that inputs of so many samples carry, by their spectra; without that of zero frequency."""
+    size = np.sum(np.abs(spectra) ** 2, axis=1)
     size[0] = 0
-    if len(u) % 2 == 0:
+    if samples % 2 == 0:
         size[-1] = 0
     near = np.convolve(size, np.ones(_NEIGHBOURS) / _NEIGHBOURS, mode="same")
     lines = np.flatnonzero((near >= _CARRIES**2 * near.max()) & (size > _CARRIES**2 * near.max()))
-    lines = lines[lines > 0]
-    return lines[np.unique(np.linspace(0, lines.size - 1, most).astype(int))] if lines.size > most else lines
+    return lines[lines > 0]
 
 
-def piece(u: Real, y: Real, lines: np.ndarray) -> Piece:
-    """Spectra of inputs (T, nu) and an output (T,) at spectral lines."""
-    z = np.exp(2j * np.pi * lines / len(u))
-    return Piece(z, np.fft.rfft(u, axis=0)[lines], np.fft.rfft(y)[lines])
+def piece(spectra: Complex, y: Real, lines: np.ndarray) -> Piece:
+    """Inputs, by their spectra, and an output (T,) at spectral lines."""
+    return Piece(np.exp(2j * np.pi * lines / y.size), spectra[lines], np.fft.rfft(y)[lines])
 
 
 def fitted(

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from robustid.core import Complex, Real
-from robustid.estimation.record_model import Fitted, Piece, carrying_lines, fitted, piece
+from robustid.estimation.record_model import Fitted, Piece, carrying_lines, fitted, piece, spectra_of
+from robustid.estimation.stretch import LONG, liveliest
 
 _LINES, FEW = 500, 24  # spectral lines that are used, and needed
 # A model of two parts together leaves so many times what models of each leave, and at least so much of the output; each alone
@@ -55,17 +56,24 @@ def shifted(one: Signals, shift: int) -> Signals:
     return Signals(one.u[-shift:], one.y[:shift]) if shift < 0 else one
 
 
+def stretch_of(one: Signals) -> Signals:
+    """The part of a very long record where the inputs are largest: a model of it is as good as one of the whole."""
+    part = liveliest(one.u)
+    return one if len(one.u) <= LONG else Signals(one.u[part], one.y[part])
+
+
 def _pieces(signals: Sequence[Signals]) -> list[Piece] | None:
     """Spectra at the lines that the inputs of all parts carry."""
     if len({len(one.u) for one in signals}) > 1 or len(signals[0].u) < 2 * FEW:
         return None
-    each = [carrying_lines(one.u, len(one.u)) for one in signals]
+    inputs = [spectra_of(one.u) for one in signals]
+    each = [carrying_lines(one, len(signals[0].u)) for one in inputs]
     lines = functools.reduce(np.intersect1d, each)
     if lines.size < FEW or lines.size < max(one.size for one in each) / 2:
         return None
     most = max(_LINES // len(signals), 2 * FEW)
     lines = lines[np.unique(np.linspace(0, lines.size - 1, most).astype(int))] if lines.size > most else lines
-    return [piece(one.u, one.y, lines) for one in signals]
+    return [piece(own, one.y, lines) for own, one in zip(inputs, signals, strict=True)]
 
 
 def compared_parts(signals: Sequence[Signals], base: Fitted) -> Compared | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robustid.core import Complex
+from robustid.core import Complex, Real
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.innovations import own_continuation
 from robustid.estimation.record_model import Fitted, Piece, predictions_with, without_transient
@@ -23,12 +23,13 @@ from robustid.estimation.record_parts import (
     of_all_poles,
     percent,
     shifted,
+    stretch_of,
 )
+from robustid.estimation.stretch import LONG
 
 _LOOKED = 3  # records and outputs of which the halves are looked at
 _SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
 _LATE, _LONGEST, _AHEAD = 8, 960, (3, 10, 30)  # samples
-_LONG = 2**18  # samples, of which a delay is sought
 _EARLY = 10.0  # how many times less an output that comes earlier must leave
 _ALIKE, _CLOSE = 2.0, 1.3  # parts that are the same
 # Times less that is left from the output to the input: noise of the input leaves less there, too. By half the poles, this suffices.
@@ -95,12 +96,13 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
         ]
         if len(signals) < len(given) or len(given[0].u) < 4 * FEW:
             continue
-        base = fit(signals[:1], ())
+        used = [stretch_of(one) for one in signals]
+        base = fit(used[:1], ())
         if base is None:
             continue
-        own = _unlike(signals, base, where)
+        own = _unlike(used, base, where)
         if not own and records[0].reference is None:
-            own = _placed(signals, fit(signals[:2], (base.poles,)) or base, records, where)
+            own = _placed(used, fit(used[:2], (base.poles,)) or base, records, where)
         if not own:
             step = max(1, len(signals) * len(records[0].outputs) // _LOOKED)
             for k in range(0, len(signals), step):
@@ -203,22 +205,11 @@ def _predicted(others: Sequence[Piece], one: Piece, poles: Complex) -> Complex:
 # --- output and input ------------------------------------------------------------------------------------------------------------
 
 
-def _stretch(one: Signals) -> Signals:
-    """The part of a very long record where the inputs are largest: it tells a delay as well as the whole."""
-    if one.periodic or len(one.u) <= _LONG:
-        return one
-    power = np.cumsum(np.sum(one.u**2, axis=1))
-    first = int(np.argmax(power[_LONG:] - power[:-_LONG]))
-    return one._replace(u=one.u[first : first + _LONG], y=one.y[first : first + _LONG])
-
-
 def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord], where: str) -> list[Fault]:
     """Output that comes before its input, or long after it; input and output exchanged. Where a reference tells that the loop
     is closed only what comes late is told: a plant that is not stable makes an output that stable models have from later inputs.
     """
-    used, closed = [_stretch(one) for one in signals[:2]], any(one.reference is not None for one in records)
-    if len(used[0].u) < len(signals[0].u):
-        base = fit(used, (base.poles,)) or base
+    used, closed = signals[:2], any(one.reference is not None for one in records)
 
     @functools.cache
     def model(shift: int) -> Fitted | None:
@@ -233,7 +224,7 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     if ahead < least / _ALIKE:
         ahead = min(part(-shift) for shift in _AHEAD)
     turned = None
-    continued = any(own_continuation(one) for one in signals[0].u.T)
+    continued = any(own_continuation(one) for one in used[0].u.T)
     single = len(records[0].outputs) == len(records[0].inputs) == 1 and not continued
     if least > LEAST / 10 and single and not closed:
         turned = fit([Signals(one.y[:, None], one.u[:, 0]) for one in used], ())
@@ -326,13 +317,14 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     evidence = f"a model of both halves leaves {percent(compared.together)} of it"
     shift = _delay_between(compared)
     length = len(halves[0].u)
+    later = length if len(one.u) <= LONG else len(one.u) - length
     lost = round(shift)
     moved = None
     if lost and abs(lost) < length // 4:
         late = shifted(halves[1], lost)
         moved = compared_parts([Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
         moved = None if moved is None else of_all_poles(moved)
-    clock, ticking = _clock(one, base, period, shift / length) if shift else (0.0, None)
+    clock, ticking = _clock(one, base, halves, shift / later) if shift else (0.0, None)
     left = np.inf if ticking is None else of_all_poles(ticking).together
     if left < min(compared.together / _BETTER, np.inf if moved is None else moved.together / _ALIKE):
         words = (
@@ -356,10 +348,9 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
 
 
 def _halves(one: Signals, period: int | None) -> list[Signals] | None:
-    """First and second half, of whole periods."""
-    half = len(one.u) // 2
-    if period is not None:
-        half = half // period * period
+    """First and second half, of whole periods; of a very long record as much of them as a stretch has, at its ends."""
+    half, step = len(one.u) // 2, period or 1
+    half = min(half // step, max(LONG // 2 // step, 1)) * step
     return [Signals(one.u[:half], one.y[:half]), Signals(one.u[-half:], one.y[-half:])] if half >= 4 * FEW else None
 
 
@@ -376,16 +367,24 @@ def _delay_between(compared: Compared) -> float:
     return float(fine[np.argmax(np.real(np.exp(1j * fine[:, None] * angle) @ cross))])
 
 
-def _clock(one: Signals, base: Fitted, period: int | None, start: float) -> tuple[float, Compared | None]:
+def _clock(one: Signals, base: Fitted, halves: Sequence[Signals], start: float) -> tuple[float, Compared | None]:
     """Clock of the output, in part of that of the input, with which the halves are alike."""
     import scipy.interpolate
 
-    n = np.arange(len(one.y), dtype=float)
-    spline = scipy.interpolate.CubicSpline(n, one.y)
+    samples, length = len(one.y), len(halves[0].y)
+    beside = samples if samples <= LONG else length  # of a very long record around its ends
+    ends: list[tuple[Signals, Real, Real, Callable[[Real], Real]]] = []
+    for half, first in zip(halves, (0, samples - length), strict=True):
+        place = np.arange(max(first - beside, 0), min(first + length + beside, samples), dtype=float)
+        spline = scipy.interpolate.CubicSpline(place, one.y[int(place[0]) : int(place[-1]) + 1])
+        ends.append((half, np.arange(first, first + length, dtype=float), place, spline))
 
     def tried(slow: float) -> Compared | None:
-        halves = _halves(Signals(one.u, np.asarray(spline(np.clip(n * (1 + slow), 0, n[-1])))), period)
-        return None if halves is None else compared_parts(halves, base)
+        moved = [
+            half._replace(y=np.asarray(spline(np.clip(n * (1 + slow), place[0], place[-1]))))
+            for half, n, place, spline in ends
+        ]
+        return compared_parts(moved, base)
 
     best, found, width = start, tried(start), 0.3
     for _ in range(4):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -16,6 +17,7 @@ _SIDES = range(3, 7)  # lines beside it, where a resonance would still be large
 _NARROW = 1 / 20  # of the power of a line, at most, in those
 _UNCERTAIN = 1.5  # of a median over so many lines
 _MOST = 8
+_SEVERAL = 8  # times as many lines: then their medians are taken one by one
 _PARTS, _ALIKE = 6, 0.7  # of a record, and how much of their power adds up
 _LIGHTEST, _SURELY = 5e-4, 3.0  # damping ratio of a mode, at least; standard deviations
 _VARIES = 0.5  # of the logarithm of an amplitude: mains do, a little
@@ -34,10 +36,14 @@ def tones_beside(w: Real, u: Real) -> list[tuple[float, float, float]]:
     power = _power(w)
     if power.size < _FEWEST:
         return []
-    ratio = power / np.maximum(_level(power), np.finfo(float).tiny)
     limit = _UNCERTAIN * math.log(power.size / _FALSE_ALARM)
+    ratio = _contrast(power, limit)
     found: list[tuple[float, float, float]] = []
-    drives = [_power(one) for one in u.T if np.ptp(one) > 0]
+
+    @functools.cache
+    def drives() -> list[Real]:
+        return [_power(one) for one in u.T if np.ptp(one) > 0]
+
     for k in np.argsort(-ratio)[: 8 * _MOST]:
         if ratio[k] < limit or len(found) == _MOST:
             break
@@ -47,9 +53,9 @@ def tones_beside(w: Real, u: Real) -> list[tuple[float, float, float]]:
         if np.mean(power[sides]) > max(_NARROW * power[k], 0):
             continue
         hz = _refined(w, int(k))
-        if any(_narrow(drive, int(k)) for drive in drives) or not _goes_on(w, hz):
+        if any(_narrow(drive, int(k)) for drive in drives()) or not _goes_on(w, hz):
             continue
-        if any(_follows(power, drive, int(k), limit) for drive in drives):
+        if any(_follows(power, drive, int(k), limit) for drive in drives()):
             continue
         off = hz * w.size - k
         lobe = np.sinc(off) / (1 - off**2)  # of the window, between the lines
@@ -63,11 +69,32 @@ def _power(signal: Real) -> Real:
     return np.abs(np.fft.rfft((signal - signal.mean()) * window) / window.sum()) ** 2
 
 
-def _level(power: Real) -> Real:
-    """Mean power of the lines around every one, by their median."""
-    from scipy.ndimage import median_filter
+def _contrast(power: Real, limit: float) -> Real:
+    """Power of every line in the mean power of the lines around it, by their median; 0 where it is surely below a limit.
 
-    return np.asarray(median_filter(power, 2 * _AROUND + 1, mode="reflect"), dtype=float) / math.log(2)
+    Two thirds of the lines around one are whole blocks: its own, and one beside it. At least 14 of their 54 lines are at most the
+    median of all 81, so 7 of one of them.
+    """
+    window, third = 2 * _AROUND + 1, (2 * _AROUND + 1) // 3
+    count, likely = power.size // third, np.ones(power.size, dtype=bool)
+    if count > 4:
+        least = (_AROUND + 1 - third + 1) // 2
+        low = np.partition(power[: count * third].reshape(count, third), least - 1, axis=1)[:, least - 1]
+        low = np.minimum(np.minimum(low[:-2], low[2:]), low[1:-1])[1:-1]
+        likely[2 * third : (count - 2) * third] = power[2 * third : (count - 2) * third] * math.log(
+            2
+        ) >= limit * np.repeat(low, third)
+    places = np.flatnonzero(likely)
+    if places.size * _SEVERAL > power.size:
+        from scipy.ndimage import median_filter
+
+        level: Real = np.asarray(median_filter(power, window, mode="reflect"), dtype=float)[places]
+    else:
+        around = np.pad(power, _AROUND, mode="symmetric")[places[:, None] + np.arange(window)]
+        level = np.median(around, axis=1)
+    found = np.zeros(power.size)
+    found[places] = power[places] / np.maximum(level / math.log(2), np.finfo(float).tiny)
+    return found
 
 
 def _follows(power: Real, drive: Real, k: int, limit: float) -> bool:

@@ -7,7 +7,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.data import FaultKind
-from robustid.estimation.record_faults import found_period
+from robustid.estimation.repetition import found_period
 from support.cases import slow
 from support.fault_plants import recipes, step
 from support.pairwise import every_one
