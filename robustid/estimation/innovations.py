@@ -25,7 +25,6 @@ class Predictor(NamedTuple):
     a: Real  # (n + 1,); with a[0] = 1
     b: Real  # (nu, n + 1)
     trend: Real  # (4,); coefficients of Legendre polynomials over the record: a constant, a drift
-    t_values: Real  # (4,); the same in standard deviations
     noise: float  # standard deviation of w
 
     def innovations(self, y: Real, u: Real) -> Real:
@@ -115,14 +114,11 @@ class Predictors:
         found = scipy.linalg.cho_solve((factor, True), right, check_finite=False)
         left = target - own @ found[:n] - self._given @ found[n:]
         noise = max(float(np.sqrt(left @ left / max(left.size - len(gram), 1))), _FLOOR)
-        last = np.eye(len(gram))[:, n + inputs :]
-        spread = np.sqrt(np.sum(scipy.linalg.solve_triangular(factor, last, lower=True) ** 2, axis=0))
         given = found[n:] * size / self._size
         return Predictor(
             a=np.concatenate([[1.0], -found[:n]]),
             b=given[:inputs].reshape(-1, n + 1),
             trend=given[inputs:],
-            t_values=found[n + inputs :] / (noise * spread),
             noise=noise * size,
         )
 
