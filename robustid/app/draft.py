@@ -42,6 +42,7 @@ _ASKED = {
     "dt": "# dt = 0.001  # EDIT: the sample time in s, which nothing here says; or rate = ... in Hz",
     "frequency_unit": '# unit = "Hz"  # EDIT: the unit of the frequencies, which the file does not say',
 }
+_STEPS = "# EDIT: sample times of %s s: all experiments of one run have the same; keep the sources of one of them"
 _EITHER = "# EDIT: [[record]] or [[frequency]], and fields: nothing in the file says what it holds"
 
 
@@ -68,6 +69,10 @@ def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
     if period := next((size for size in sizes if size is not None), None):
         parts.append(f"[estimate]\nperiod = {int(period)}  # samples; found in the input\n")
     edits = [line for one in sources for line in one.edits]
+    steps = sorted({float(dt) for one in looks if (dt := getattr(one.found, "dt", None)) is not None})
+    if len(steps) > 1:
+        edits.insert(0, _STEPS % " and ".join(f"{dt:.6g}" for dt in steps))
+        parts.insert(1, f"{edits[0]}\n")
     if any(one.looped for one in looks):
         parts.append(_LOOP % _CONTROLLER)
         edits.append(_CONTROLLER)

@@ -137,3 +137,13 @@ def test_what_is_missing_is_said_in_words_of_its_surroundings(tmp_path, arrays):
     (edit,) = drafted_run_file([found], tmp_path).edits  # the times say the sample time
     assert 'by fields = { u = "NAME" }.' in edit
     assert found.arguments["fields"]["time"] == "time"
+
+
+@pytest.mark.parametrize("second", [1e-3, 2e-3])
+def test_records_of_two_sample_times_are_told_before_the_run(tmp_path, second):
+    rng = np.random.default_rng(0)
+    for name, dt in (("one", 1e-3), ("two", second)):
+        np.savez(tmp_path / f"{name}.npz", u=rng.standard_normal(300), y=rng.standard_normal(300), dt=dt)
+    draft = drafted_run_file([rid.look(tmp_path / f"{name}.npz") for name in ("one", "two")], tmp_path)
+    said = "# EDIT: sample times of 0.001 and 0.002 s: all experiments of one run have the same"
+    assert (said in draft.text) == any(line.startswith(said) for line in draft.edits) == (second != 1e-3)
