@@ -213,7 +213,10 @@ def test_none_where_the_data_do_not_fall_or_the_modes_do_all():
         rid.advise.suggest_roll_off(problem_of(np.ones(12), omega, roll_off=2, corner=10.0))
 
 
-@pytest.mark.parametrize(("damping", "seed"), [(0.6, 0), (0.6, 1), (0.7, 2), (0.7, 3)])
+MORE = (0.6, 1), (0.7, 2), (0.7, 3)
+
+
+@pytest.mark.parametrize(("damping", "seed"), [(0.6, 0), *(pytest.param(*one, marks=pytest.mark.slow) for one in MORE)])
 def test_a_plant_that_answers_at_once_with_its_largest_response_has_a_useful_prior(seed, damping):
     """A notch beside two real poles in the place of its damped pair: its gain at high frequencies is in every K."""
     import control

@@ -89,6 +89,12 @@ def _held(clean, given, size, rng):
     return first(given, lambda r: output(r, filled))
 
 
+@fault("output of a lower rate", "periodic random", "held", (5, 2, None))
+def _slower(clean, given, size, rng):
+    """An output taken at one of so many samples, and held."""
+    return [output(r, lambda y: np.repeat(y[::size], size)[: y.size]) for r in given]
+
+
 @fault("lost packet", "periodic random", "lost samples, late, wrong period", (25, 2, None))
 def _dropped(clean, given, size, rng):
     """Output samples that are missing in the middle of the record: what follows comes early."""

@@ -14,7 +14,6 @@ from robustid.app.cli.control import design_exit
 from robustid.app.cli.identify import everything, next_of, smallest
 from robustid.app.cli.screen import in_words, say, telling
 from robustid.app.run.settings import General
-from robustid.core import Budget
 from robustid.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from robustid.app.cli.terminal import Terminal
     from robustid.app.run.work import Work
     from robustid.controllers import ControllerDesign
-    from robustid.core import Progress
+    from robustid.core import Budget, Progress
     from robustid.guarantees import Band, ResponseTube, WorstCaseError, WorstCaseOverPoles
     from robustid.identification import Identification
     from robustid.report import Document, Parts
@@ -73,6 +72,7 @@ def report(
     """
     from robustid.app.independent import checker
     from robustid.controllers import ControllerDesign
+    from robustid.core import Budget
     from robustid.identification import Identification
 
     budget = Budget(general.time_limit)
