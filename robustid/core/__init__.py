@@ -39,7 +39,6 @@ from robustid.core.least_squares import (
     singular_parts,
 )
 from robustid.core.models import as_state_space, labels_of, model_of, numbered
-from robustid.core.number_words import hz_scale, hz_span, hz_words, rounded_down, rounded_up, telling_digits
 from robustid.core.planes import Plane, SPlane, ZPlane, bilinear_in_s, bilinear_in_z, exponents_of, plane_of, time_words
 from robustid.core.progress import (
     Budget,
@@ -96,6 +95,7 @@ from robustid.core.validation import (
     as_positive,
     as_signals,
 )
+from robustid.core.wording import hz_scale, hz_span, hz_words, in_short, rounded_down, rounded_up, telling_digits
 from robustid.core.workers import Workers, worker_pool
 
 __all__ = [
@@ -161,6 +161,7 @@ __all__ = [
     "hz_scale",
     "hz_span",
     "hz_words",
+    "in_short",
     "input_states",
     "inverse",
     "is_well_posed",

@@ -14,12 +14,12 @@ from robustid.estimation.stretch import pieces
 _EXAMINED = 4  # pieces, those that show most
 
 
-class Pieces:
+class OutputPieces:
     """Pieces of a very long record with inputs u (T, nu): themselves, and with what is beside them; the liveliest of these."""
 
-    def __init__(self, u: Real, period: int | None) -> None:
+    def __init__(self, u: Real, period: int | None, length: int) -> None:
         self.u, self.period = u, period
-        self.parts = pieces(len(u), period)
+        self.parts = pieces(len(u), period, length)
         power = [float(np.sum(u[wide] ** 2)) for _, wide in self.parts]
         self.lead = self.parts[int(np.argmax(power))][1]
         self.predictors = Predictors(u[self.lead])

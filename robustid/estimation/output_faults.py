@@ -20,8 +20,8 @@ from robustid.estimation.innovations import (
     trends,
     without_trend,
 )
-from robustid.estimation.long_outputs import Pieces
-from robustid.estimation.stretch import LONG, liveliest
+from robustid.estimation.long_outputs import OutputPieces
+from robustid.estimation.stretch import LONG, liveliest, stretch_length
 from robustid.estimation.tone_faults import keeps_on, tone_fault, tones_beside, without_tones
 
 _CERTAIN = 8.0  # standard deviations of a trend
@@ -61,9 +61,11 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
     repeats = period if period is not None and len(record.u) >= _PERIODS * period else None
     # What drifts makes the mean over the periods jump where it begins anew: as a sawtooth does.
     u = record.u if repeats is None else (np.arange(len(record.u)) % repeats / repeats - 0.5)[:, None]
-    if len(u) > LONG:
+    length, cut = stretch_length(len(record.inputs), len(record.outputs)), None
+    if len(u) > length:
         u = np.asfortranarray(u)  # signals are gone through one by one
-    predictors, cut = Predictors(u), Pieces(u, repeats) if len(u) > LONG else None
+        cut = OutputPieces(u, repeats, length)
+    predictors = Predictors(u)
     found: list[Fault] = _before_input(record, told)
     clean = record.y
     for i, channel in enumerate(record.outputs):
@@ -85,11 +87,11 @@ def output_faults(record: TimeRecord, period: int | None, told: set[str]) -> Out
             clean[:, i] = seen.signal
         found += _events(seen._replace(events=events), where, period)
         if period is None:
-            found += _aperiodic(record, seen, where, own, cut)
+            found += _aperiodic(record, seen, where, (predictors, own), cut)
     return Outputs(found, clean)
 
 
-def _seen_in_pieces(record: TimeRecord, y: Real, cut: Pieces, period: int | None) -> Examined:
+def _seen_in_pieces(record: TimeRecord, y: Real, cut: OutputPieces, period: int | None) -> Examined:
     """Events of a very long output: of its pieces, which are examined as records are."""
 
     def examine(part: slice) -> Examined:
@@ -138,9 +140,9 @@ def _absorbed(y: Real, u: Real, predictors: Predictors) -> list[float]:
 
 
 def _aperiodic(
-    record: TimeRecord, seen: Examined, where: str, predictors: Predictors, cut: Pieces | None
+    record: TimeRecord, seen: Examined, where: str, predictors: tuple[Predictors, Predictors], cut: OutputPieces | None
 ) -> list[Fault]:
-    """Drift, point of operation and tones, by the predictor of a record that repeats nothing."""
+    """Drift, point of operation and tones of a record that repeats nothing, by predictors from its inputs and without tones."""
     predictor, y, u = seen.predictor, seen.signal, record.u
     if predictor is None or not moves_on(u):
         return []
@@ -148,7 +150,7 @@ def _aperiodic(
     short = short or all(
         own_continuation(one) for one in u.T if np.ptp(one) > 0
     )  # the answer to a slow sine looks like a drift
-    found = [] if short else _drift(predictors, y, u, where)
+    found = [] if short else _drift(*predictors, y, where)
     if record.initial == "rest" and not any(fault.kind is FaultKind.OFFSET for fault in found):
         found += _operating_point(predictor, record, y, where)
     if cut is not None:  # what goes on is in the liveliest piece, too
@@ -205,14 +207,14 @@ def _places(at: list[int], period: int | None) -> str:
     return f"at sample{'s' if len(at) > 1 else ''} {listed}{in_period}"
 
 
-def _drift(predictors: Predictors, y: Real, u: Real, where: str) -> list[Fault]:
+def _drift(with_tones: Predictors, predictors: Predictors, y: Real, where: str) -> list[Fault]:
     """Trend in time that the inputs don't explain.
 
     The predictor is that of the output less its own trend: else it would take a strong drift for a pole at 1. A trend of an input
     whose slow answer the rest of the record does not tell explains that of the output.
     """
     predictor, shapes = predictors.of(without_trend(y)), trends(min(y.size, LONG))
-    found, unsure, left = Predictors(u, predictors.order).trend_beside(y, predictor.a)  # with the tones of both
+    found, unsure, left = with_tones.trend_beside(y, predictor.a)
     slow = np.abs(np.fft.rfft(left)[1 : _SLOW + 1]) / math.sqrt(left.size)
     noise = max(predictor.noise, float(np.sqrt(np.mean(slow**2))))  # disturbances that are larger the slower they are
     sure = np.abs(found) / (noise * unsure)

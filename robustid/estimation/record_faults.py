@@ -16,7 +16,7 @@ from robustid.estimation.period_faults import period_faults
 from robustid.estimation.record_relations import with_relations
 from robustid.estimation.repetition import apart, found_period
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, slower, unwrapped, wrapped_fault
-from robustid.estimation.stretch import LONG, liveliest
+from robustid.estimation.stretch import liveliest, stretch_length
 
 _BETTER = 10  # times less, by another period than the one that is stated
 _CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
@@ -33,7 +33,6 @@ _OF_ALL = (
     FaultKind.JITTER,
     FaultKind.FEEDBACK,
 )
-_PAIRS = 4  # of signals: a stretch is so many times shorter where there are more
 _NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 
 
@@ -161,9 +160,10 @@ def _alone(
 
 def _lively(record: TimeRecord) -> TimeRecord:
     """The stretch of a very long record in which its inputs are largest, of several pairs of signals a shorter one."""
-    if len(record.u) <= LONG:
+    length = stretch_length(len(record.inputs), len(record.outputs))
+    if len(record.u) <= length:
         return record
-    part = liveliest(record.u, min(len(record.inputs) * len(record.outputs), _PAIRS))
+    part = liveliest(record.u, length)
     return TimeRecord(
         record.u[part],
         record.y[part],

@@ -10,9 +10,10 @@ import numpy as np
 
 from robustid.core import Complex, Real
 from robustid.estimation.record_model import Fitted, Piece, carrying_lines, fitted, piece, spectra_of
-from robustid.estimation.stretch import LONG, liveliest
+from robustid.estimation.stretch import liveliest
 
 _LINES, FEW = 500, 24  # spectral lines that are used, and needed
+_AWKWARD = 2**15  # samples from which on a transform of any length takes several times that of a fast one
 # A model of two parts together leaves so many times what models of each leave, and at least so much of the output; each alone
 # leaves little.
 RATIO, LEAST, GOOD = 6.0, 1e-4, 0.05
@@ -56,16 +57,19 @@ def shifted(one: Signals, shift: int) -> Signals:
     return Signals(one.u[-shift:], one.y[:shift]) if shift < 0 else one
 
 
-def stretch_of(one: Signals) -> Signals:
+def stretch_of(one: Signals, length: int) -> Signals:
     """The part of a very long record where the inputs are largest: a model of it is as good as one of the whole."""
-    part = liveliest(one.u)
-    return one if len(one.u) <= LONG else Signals(one.u[part], one.y[part])
+    part = liveliest(one.u, length)
+    return one if len(one.u) <= length else Signals(one.u[part], one.y[part])
 
 
 def _pieces(signals: Sequence[Signals]) -> list[Piece] | None:
     """Spectra at the lines that the inputs of all parts carry."""
     if len({len(one.u) for one in signals}) > 1 or len(signals[0].u) < 2 * FEW:
         return None
+    if len(signals[0].u) > _AWKWARD and not signals[0].periodic:
+        fast = _fast_length(len(signals[0].u))
+        signals = [Signals(one.u[:fast], one.y[:fast]) for one in signals]
     inputs = [spectra_of(one.u) for one in signals]
     each = [carrying_lines(one, len(signals[0].u)) for one in inputs]
     lines = functools.reduce(np.intersect1d, each)
@@ -74,6 +78,12 @@ def _pieces(signals: Sequence[Signals]) -> list[Piece] | None:
     most = max(_LINES // len(signals), 2 * FEW)
     lines = lines[np.unique(np.linspace(0, lines.size - 1, most).astype(int))] if lines.size > most else lines
     return [piece(own, one.y, lines) for own, one in zip(inputs, signals, strict=True)]
+
+
+def _fast_length(samples: int) -> int:
+    """Length of at most so many samples, a few percent fewer, whose transform is a fast one: 2^a 3^b 5^c."""
+    odd = np.array([1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135, 225])
+    return int(np.max(odd * 2 ** np.floor(np.log2(samples / odd)).astype(int)))
 
 
 def compared_parts(signals: Sequence[Signals], base: Fitted) -> Compared | None:

@@ -25,7 +25,7 @@ from robustid.estimation.record_parts import (
     shifted,
     stretch_of,
 )
-from robustid.estimation.stretch import LONG
+from robustid.estimation.stretch import stretch_length
 
 _LOOKED = 3  # records and outputs of which the halves are looked at
 _SUSPECT, _BETTER = 1.5, 5.0  # ratio from which a clock is tried; times by which it must leave less
@@ -87,6 +87,7 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
     """
     given = [_whole(one, period) for one in records]
     found: list[Fault] = []
+    long = stretch_length(len(records[0].inputs), len(records[0].outputs))
     for i, channel in enumerate(records[0].outputs):
         where = f"output {channel.name}"
         signals = [
@@ -96,7 +97,7 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
         ]
         if len(signals) < len(given) or len(given[0].u) < 4 * FEW:
             continue
-        used = [stretch_of(one) for one in signals]
+        used = [stretch_of(one, long) for one in signals]
         base = fit(used[:1], ())
         if base is None:
             continue
@@ -106,7 +107,7 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
         if not own:
             step = max(1, len(signals) * len(records[0].outputs) // _LOOKED)
             for k in range(0, len(signals), step):
-                own = _varying(signals[k], base, where, period)
+                own = _varying(signals[k], base, where, period, long)
                 if own:
                     own = [fault._replace(record=k + 1 if len(signals) > 1 else 0) for fault in own]
                     break
@@ -302,9 +303,9 @@ def _largest(part: Callable[[int], float], good: int, limit: float) -> int:
 # --- halves of a record ----------------------------------------------------------------------------------------------------------
 
 
-def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list[Fault]:
+def _varying(one: Signals, base: Fitted, where: str, period: int | None, long: int) -> list[Fault]:
     """Halves of a record that are of two plants; or of one, with a clock, or with samples that were lost."""
-    halves = _halves(one, period)
+    halves = _halves(one, period, long)
     compared = None if halves is None else compared_parts(halves, base)
     if (
         halves is None
@@ -317,14 +318,14 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     evidence = f"a model of both halves leaves {percent(compared.together)} of it"
     shift = _delay_between(compared)
     length = len(halves[0].u)
-    later = length if len(one.u) <= LONG else len(one.u) - length
+    later = length if len(one.u) <= long else len(one.u) - length
     lost = round(shift)
     moved = None
     if lost and abs(lost) < length // 4:
         late = shifted(halves[1], lost)
         moved = compared_parts([Signals(halves[0].u[: len(late.u)], halves[0].y[: len(late.u)]), late], base)
         moved = None if moved is None else of_all_poles(moved)
-    clock, ticking = _clock(one, base, halves, shift / later) if shift else (0.0, None)
+    clock, ticking = _clock(one, base, halves, shift / later, long) if shift else (0.0, None)
     left = np.inf if ticking is None else of_all_poles(ticking).together
     if left < min(compared.together / _BETTER, np.inf if moved is None else moved.together / _ALIKE):
         words = (
@@ -347,10 +348,10 @@ def _varying(one: Signals, base: Fitted, where: str, period: int | None) -> list
     return [Fault(FaultKind.VARYING, words, after, where=where, size=float(np.sqrt(compared.together)))]
 
 
-def _halves(one: Signals, period: int | None) -> list[Signals] | None:
+def _halves(one: Signals, period: int | None, long: int) -> list[Signals] | None:
     """First and second half, of whole periods; of a very long record as much of them as a stretch has, at its ends."""
     half, step = len(one.u) // 2, period or 1
-    half = min(half // step, max(LONG // 2 // step, 1)) * step
+    half = min(half // step, max(long // 2 // step, 1)) * step
     return [Signals(one.u[:half], one.y[:half]), Signals(one.u[-half:], one.y[-half:])] if half >= 4 * FEW else None
 
 
@@ -367,12 +368,14 @@ def _delay_between(compared: Compared) -> float:
     return float(fine[np.argmax(np.real(np.exp(1j * fine[:, None] * angle) @ cross))])
 
 
-def _clock(one: Signals, base: Fitted, halves: Sequence[Signals], start: float) -> tuple[float, Compared | None]:
+def _clock(
+    one: Signals, base: Fitted, halves: Sequence[Signals], start: float, long: int
+) -> tuple[float, Compared | None]:
     """Clock of the output, in part of that of the input, with which the halves are alike."""
     import scipy.interpolate
 
     samples, length = len(one.y), len(halves[0].y)
-    beside = samples if samples <= LONG else length  # of a very long record around its ends
+    beside = samples if samples <= long else length  # of a very long record around its ends
     ends: list[tuple[Signals, Real, Real, Callable[[Real], Real]]] = []
     for half, first in zip(halves, (0, samples - length), strict=True):
         place = np.arange(max(first - beside, 0), min(first + length + beside, samples), dtype=float)

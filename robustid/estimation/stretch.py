@@ -6,15 +6,20 @@ import numpy as np
 
 from robustid.core import Real
 
-LONG = 2**18  # samples of a stretch; a record of at most so many is looked at as a whole
+LONG = 2**18  # samples of a stretch of one pair of signals; a record of at most so many is looked at as a whole
+_PAIRS = 4  # of signals: a stretch is so many times shorter where there are as many, or more
 _BESIDE = 1024  # samples on either side of a piece that are looked at with it
 
 
-def liveliest(u: Real, parts: int = 1) -> slice:
-    """Find the stretch of a record, or a part of one, in which inputs (T, nu) are largest; all of one that is not very long."""
-    if len(u) <= LONG:
+def stretch_length(inputs: int, outputs: int) -> int:
+    """Return the samples of a stretch: fewer where each pair of many signals is looked at."""
+    return LONG // min(inputs * outputs, _PAIRS)
+
+
+def liveliest(u: Real, length: int = LONG) -> slice:
+    """Find the stretch of a record in which inputs (T, nu) are largest; all of one that is not longer."""
+    if len(u) <= length:
         return slice(0, len(u))
-    length = LONG // parts
     power = np.cumsum(np.einsum("ij,ij->i", u, u))
     first = int(np.argmax(power[length:] - power[:-length]))
     return slice(first, first + length)
@@ -25,10 +30,10 @@ def thinned(values: Real) -> Real:
     return values[:: -(-values.size // LONG)]
 
 
-def pieces(samples: int, period: int | None) -> list[tuple[slice, slice]]:
+def pieces(samples: int, period: int | None, length: int = LONG) -> list[tuple[slice, slice]]:
     """Cut a very long record into stretches, of whole periods where it has some, and each with what is around it."""
     step = period or 1
-    length, beside = max(LONG // step, 3) * step, -(-_BESIDE // step) * step
+    length, beside = max(length // step, 3) * step, -(-_BESIDE // step) * step
     starts = range(0, max(samples - length // 2, 1), length)
     ends = [*starts[1:], samples]
     return [

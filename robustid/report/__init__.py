@@ -1,7 +1,7 @@
 """Everything that people see: a report as one HTML page, a summary at the terminal, and plots."""
 
 from robustid.report import plot
-from robustid.report.document import Document, Verdict, in_short
+from robustid.report.document import Document, Verdict
 from robustid.report.identified import Parts, same
 from robustid.report.live import live_figure, live_numbers, live_words, look_figure, look_words
 from robustid.report.pages import (
@@ -28,7 +28,6 @@ __all__ = [
     "first_screen",
     "has_page",
     "head_at_terminal",
-    "in_short",
     "live_figure",
     "live_numbers",
     "live_words",

@@ -6,7 +6,6 @@ A subject builds blocks; its page and its summary at the terminal are outlines o
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal
 
@@ -17,7 +16,6 @@ from robustid.report.words import number
 
 Role = Literal["", "soft", "caution", "warning"]
 MOST_WARNINGS = 3  # on the first screen; the others stand in a part of their own
-_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 Kind = Literal["", "text", "n", "whole", "share"]
 
 
@@ -255,12 +253,6 @@ class Document:
                 todo = [inner for part in block.parts for inner in part] + todo
             else:
                 yield block
-
-
-def in_short(words: str) -> tuple[str, str]:
-    """The first sentence of a text, and the rest of it."""
-    first, *rest = _SENTENCE_END.split(words, maxsplit=1)
-    return first[0].upper() + first[1:], "".join(rest)
 
 
 def checked_by_another(proved: Mapping[str, bool] | None) -> list[Verdict]:

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robustid._version import __version__
-from robustid.core import Budget, Progress
+from robustid.core import Budget, Progress, in_short
 from robustid.report.charts import Chart, Layer
-from robustid.report.document import MOST_WARNINGS, Block, Document, Drawing, Grid, Text, in_short
+from robustid.report.document import MOST_WARNINGS, Block, Document, Drawing, Grid, Text
 from robustid.report.with_matplotlib import draw
 from robustid.report.with_plotly import Figure, figures
 

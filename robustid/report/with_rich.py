@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from robustid.core import in_short
 from robustid.report.document import (
     MOST_WARNINGS,
     Block,
@@ -17,7 +18,6 @@ from robustid.report.document import (
     Table,
     Text,
     Verdict,
-    in_short,
 )
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robustid as rid
-from robustid.estimation import record_parts, record_relations, stretch
+from robustid.estimation import stretch
 from robustid.estimation.record_parts import Signals, fit
 from robustid.estimation.record_relations import _joining
 from support.cases import slow
@@ -64,8 +64,7 @@ def test_the_size_of_a_clock_and_of_a_delay_are_those_that_were_made():
 @pytest.mark.parametrize("name", ["late channel (random)", "early channel (random)", "exchanged columns (random)"])
 def test_a_part_of_a_very_long_record_tells_the_same_of_its_signals(name, monkeypatch):
     whole = [(one.kind, one.where, one.correction) for one in of(name)]
-    for module in (record_relations, record_parts, stretch):
-        monkeypatch.setattr(module, "LONG", len(ARM.random[0].u) // 2)
+    monkeypatch.setattr(stretch, "LONG", len(ARM.random[0].u) // 2)
     assert [(one.kind, one.where, one.correction) for one in of(name)] == whole
     assert len(whole) == 1
 

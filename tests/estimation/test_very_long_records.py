@@ -6,7 +6,7 @@ import scipy.signal
 
 import robustid as rid
 from robustid.estimation.repetition import found_period
-from robustid.estimation.stretch import LONG, liveliest, pieces
+from robustid.estimation.stretch import LONG, liveliest, pieces, stretch_length
 from support.fault_plants import recipes, record
 
 SAMPLES = 3 * LONG + 12_345
@@ -21,21 +21,21 @@ def machine(rng, u, noise=0.01):
     return y / y.std() + noise * rng.standard_normal(u.size)
 
 
-def spike(y):
-    y[AT] += 1.0
+def spike(y, at=AT):
+    y[at] += 1.0
     return y
 
 
-def jump(y):
-    y[AT:] += 0.5
+def jump(y, at=AT):
+    y[at:] += 0.5
     return y
 
 
-def lost(y):
-    return np.concatenate([y[:AT], y[AT + 7 :], y[-7:]])
+def lost(y, at=AT):
+    return np.concatenate([y[:at], y[at + 7 :], y[-7:]])
 
 
-def hum(y):
+def hum(y, at=None):
     return y + 0.05 * np.sin(2 * np.pi * 50 * DT * np.arange(y.size))
 
 
@@ -79,6 +79,27 @@ def test_a_very_long_record_of_the_wrong_sign_is_told_from_the_other(clean):
 
 def test_a_very_long_sound_record_is_told_of_nothing(clean):
     assert rid.prepare.record_faults(rid.TimeRecord(*clean, dt=DT)) == ()
+
+
+@pytest.fixture(scope="module")
+def matrix():
+    """Inputs and outputs of two channels each, of a few stretches of four pairs of signals."""
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal((SAMPLES // 4, 2))
+    return u, np.stack([machine(rng, u @ gains) for gains in ([1.0, 0.4], [-0.3, 0.8])], axis=1)
+
+
+@pytest.mark.parametrize(("fault", "kind"), [(spike, "spike"), (jump, "jump"), (lost, "lost samples"), (hum, "tone")])
+def test_stretches_of_matrices_are_shorter_and_find_the_same(matrix, fault, kind):
+    u, y = matrix
+    assert len(u) > 3 * stretch_length(2, 2)
+    y = np.stack([y[:, 0], fault(y[:, 1].copy(), AT // 4)], axis=1)
+    (found,) = rid.prepare.record_faults(rid.TimeRecord(u, y, dt=DT))
+    assert (found.kind, found.where) == (kind, "output y2")
+
+
+def test_a_very_long_sound_matrix_is_told_of_nothing(matrix):
+    assert rid.prepare.record_faults(rid.TimeRecord(*matrix, dt=DT)) == ()
 
 
 def test_a_spike_in_a_very_long_periodic_record_is_found_in_its_period():

@@ -49,7 +49,7 @@ def look(
 
 def _on_screen(console: Terminal, looks: list[Look]) -> None:
     """Print several looks on one screen: first sentences, the command to go on with, and contents where there is a line left."""
-    from robustid.report import in_short
+    from robustid.core import in_short
 
     def short(words: str) -> str:
         return words[0] + in_short(words)[0][1:]

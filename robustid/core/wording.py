@@ -1,11 +1,13 @@
-"""Numbers in words: frequencies with the prefix that keeps their digits readable, few digits on the safe side of a value."""
+"""Numbers in words: frequencies with the prefix that keeps their digits readable, few digits on the safe side; a text in short."""
 
 from __future__ import annotations
 
 import decimal
 import math
+import re
 
 _MOST_DIGITS = 12
+_SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 _PREFIXES = ((1e9, "GHz"), (1e6, "MHz"), (1e3, "kHz"))
 
 
@@ -51,3 +53,9 @@ def _rounded(value: float, rounding: str, digits: int) -> float:
     if not math.isfinite(value):
         return value
     return float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value))
+
+
+def in_short(words: str) -> tuple[str, str]:
+    """Split a text into its first sentence and the rest of it."""
+    first, *rest = _SENTENCE_END.split(words, maxsplit=1)
+    return first[0].upper() + first[1:], "".join(rest)
