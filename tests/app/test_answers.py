@@ -56,7 +56,7 @@ def test_identify_answers_what_it_has_written(folder, run):
     kept = rid.load("result")
     assert found["status"] == "consistent"
     assert found["margin"] == {"lower": kept.margin_lower, "upper": kept.margin}
-    assert found["files"] == ["result.npz", "result.json"]
+    assert found["files"] == ["result.npz", "result.json", "result-band.npz", "result-band.json"]
     (band,) = found["guarantees"]
     again = rid.band(kept)
     assert band["at_most"] == pytest.approx(again.hinf, rel=1e-9)

@@ -65,7 +65,7 @@ def test_an_interrupted_command_exits_with_130_and_its_page_says_so_first(files,
     assert words.index("Interrupted: Ctrl-C ended it before its end") < words.index("Consistent")
     assert "resume" not in words  # which this command has not
     assert rid.load("first").consistent
-    assert "written: first.npz, first.json, first.html" in words
+    assert "written: first.npz, first.json, first-band.npz, first-band.json, first.html" in words
     said = "Interrupted: Ctrl-C ended it before its end: what stands here was found by then"
     before, after = first_screen(files / "first.html")
     assert said in " ".join(before.split())

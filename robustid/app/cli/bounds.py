@@ -85,7 +85,7 @@ def bounds(
     from robustid.app.run.controllers import read_controllers
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
-    from robustid.app.run.sequence import bounded, circled, proved
+    from robustid.app.run.sequence import bounded, circled
     from robustid.app.run.undoing import again
     from robustid.app.run.work import Step, Work, carry_out
 
@@ -101,15 +101,15 @@ def bounds(
     identification = load_result(source, "identification")
     if not identification.verification.passed:
         identification.require()
-    at, suggested = _frequencies(identification, omega, points), _suggested(identification.problem)
+    at, suggested = _frequencies(identification, omega, points), suggested_modes(identification.problem)
     executor = _processes(identification, at, how.directions, workers)
     over_box: list[Step] = [lambda work: _over_box(work, suggested), found.keep_over_box]
     words = words_of(bounds, executor="--workers", identification="the identification")
     with in_words(words), telling(found.console) as progress:
         around = Surroundings(progress, executor=executor, resume=resume)
         asked = RunFile(worst_case=how)
-        work = Work(run=asked, identification=identification, around=around, box=_box(suggested), omega=at)
-        carry_out(work, [proved, found.keep_proved, bounded, circled, found.keep_bounded])
+        work = Work(run=asked, identification=identification, around=around, box=suggested_box(suggested), omega=at)
+        carry_out(work, [lambda one: _proved(one, source), found.keep_proved, bounded, circled, found.keep_bounded])
         carry_out(work, over_box if how.over_poles else [])
         steps = found.draw(work, source)
         if around.stops.interrupted and resume is not None:
@@ -246,6 +246,17 @@ class _Bounds:
             work.band.save(self.beside("-band"))
 
 
+def _proved(work: Work, source: Path) -> None:
+    """The band that stands beside the identification, about its model; where there is none, it is proved."""
+    from robustid.app.run.sequence import proved
+
+    known = written_files.kept_beside(source, "-band", work.identification)
+    if known is None or known.polygons is not None:
+        proved(work)
+    else:
+        work.band, work.box = known.with_model(work.identification.model), known.box
+
+
 def _kept(work: Work, error: WorstCaseError) -> WorstCaseError:
     """The bounds as they are saved: where the circle was left out, they say so on every page."""
     from robustid.app.run.results import marked
@@ -266,7 +277,7 @@ def _over_box(work: Work, suggested: KautzSuggestion | None) -> None:
         bounded_over(work, *intervals, suggested.delay, work.error.omega)
 
 
-def _suggested(problem: MixedProblem) -> KautzSuggestion | None:
+def suggested_modes(problem: MixedProblem) -> KautzSuggestion | None:
     """The modes that the first frequency response suggests; None where those of the problem are others."""
     from robustid.advice import suggest_kautz
     from robustid.data import FrequencyResponse
@@ -281,7 +292,7 @@ def _suggested(problem: MixedProblem) -> KautzSuggestion | None:
     return found if _same_poles(found.basis, problem.parametric) else None
 
 
-def _box(found: KautzSuggestion | None) -> Box | None:
+def suggested_box(found: KautzSuggestion | None) -> Box | None:
     """The pole-uncertainty box of poles that the data suggest; None of others, which were stated."""
     if found is None:
         return None

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.work import Step, Work
     from robustid.data import FrequencyResponse, TimeRecord
+    from robustid.guarantees import Band, LoopBounds
     from robustid.identification import Loop
 
 
@@ -78,7 +79,8 @@ def identify(
     """Decide whether measurements fit a class of systems, with a proof, and build a model.
 
     Without --mode, --gain and --decay-rate the program chooses them from the data and says how.
-    Files are written at the end, all together.
+    Files are written at the end, all together; the band that is proved at every frequency beside the result, as NAME-band, which
+    report, bounds, loop, control and watch take from there.
 
     [bold]Example[/bold]: robustid identify --frequency frf.csv --time step.csv --dt 0.01 --frequency-bound 0.03
     --time-bound 0.03 --mode 9:0.1 --mode 17.67:0.004 --gain 0.2 --decay-rate 1.1 --report report.html
@@ -99,8 +101,10 @@ def identify(
     flags = {"gain_bound": "--gain", "decay_rate": "--decay-rate", "decay": "--decay", "passive": "--passive"}
     prior.check(flags | {"roll_off": "--roll-off", "corner_hz": "--corner", "weight": "--weight"})
     written_files.check_static(report, static)
-    kept = written_files.result_files(written_files.beside(output, "-loop")) if loop.is_stated else ()
-    written_files.check_outputs([*written_files.result_files(output), *kept, report], paths, force)
+    names = [output, written_files.beside(output, "-band"), *([written_files.beside(output, "-loop")] * loop.is_stated)]
+    written_files.check_outputs(
+        [*(file for one in names for file in written_files.result_files(one)), report], paths, force
+    )
     console, entry = screen.console(stderr=as_json, verbose=verbose), general.entry
     asked_lines = Files(paths=frequency or [], source=responses, entry=entry, band_hz=points.band_hz, bounded=True)
     asked_samples = Files(paths=time or [], source=records, entry=entry, first=first, bounded=True)
@@ -125,7 +129,7 @@ def identify(
     if as_json:
         from robustid.app.answers import verdicts
 
-        files = [*written_files.result_files(output), *kept_loop(work, output), *([page] if page else [])]
+        files = [*files_of(work, output), *([page] if page else [])]
         screen.write(verdicts.identified(work, files, code), console)
     raise typer.Exit(code)
 
@@ -272,21 +276,31 @@ def conclude(
 
     def save() -> None:
         marked(result, work.around.unfinished, "the identification").save(output)
-        if work.looped is not None:
-            work.looped.save(written_files.beside(output, "-loop"))
+        for name, one in beside_it(work, output):
+            one.save(name)
 
     report, shown = screen.drawn(report, draw, [written_files.stem(output)], steps, save)
     if shown is not steps:  # the page first: it says what else is to be done
         steps, undoing = shown, None
     head = first_screen(result, **work.parts)
-    written = (*written_files.result_files(output), *kept_loop(work, output), report)
+    written = (*files_of(work, output), report)
     screen.conclude(console, head, lambda: everything(work), written=written, undoing=undoing, steps=steps)
     return report
 
 
-def kept_loop(work: Work, output: Path) -> tuple[Path, ...]:
-    """The files beside an identification that hold what is known of its loop; none where nothing is."""
-    return () if work.looped is None else written_files.result_files(written_files.beside(output, "-loop"))
+def beside_it(work: Work, output: Path) -> list[tuple[Path, Band | LoopBounds]]:
+    """The band of an identification, and what is known of its loop, with the names under which they stand beside it."""
+    both = ("-band", work.band), ("-loop", work.looped)
+    return [(written_files.beside(output, ending), one) for ending, one in both if one is not None]
+
+
+def files_of(work: Work, output: Path) -> list[Path]:
+    """All files of an identification."""
+    return [
+        file
+        for name in (output, *(name for name, _ in beside_it(work, output)))
+        for file in written_files.result_files(name)
+    ]
 
 
 def everything(work: Work) -> list[RenderableType]:

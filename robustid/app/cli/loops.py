@@ -112,7 +112,9 @@ class MeasuredPlant:
     @classmethod
     def of(cls, source: Path, progress: Progress) -> MeasuredPlant:
         """The contents of a folder or a file."""
+        from robustid.app.cli.bounds import suggested_box, suggested_modes
         from robustid.app.load_save import load_result
+        from robustid.app.run.modes import held_box
         from robustid.core import paths
         from robustid.guarantees import Band, LoopBounds, band
 
@@ -124,10 +126,13 @@ class MeasuredPlant:
             return cls(thing.band, thing.loop, identified)
         if isinstance(thing, Band):
             return cls(thing, None, identified)
-        if (loop := _loop_of(source, thing)) is not None:
+        if (loop := written_files.kept_beside(source, "-loop", thing)) is not None:
             return cls(loop.band, loop.loop, thing)
+        if (known := written_files.kept_beside(source, "-band", thing)) is not None:
+            return cls(known, None, thing)
         progress("proving the error at every frequency", 0, 0)
-        return cls(band(thing.require(), progress=progress), None, thing)
+        box = held_box(suggested_box(suggested_modes(thing.problem)), thing.problem)
+        return cls(band(thing.require(), box=box, progress=progress), None, thing)
 
     @property
     def plants(self) -> Band | LoopBounds:
@@ -135,18 +140,6 @@ class MeasuredPlant:
         from robustid.guarantees import loop_bounds
 
         return self.band if self.loop is None else loop_bounds(self.band, self.loop)
-
-
-def _loop_of(source: Path, found: Identification) -> LoopBounds | None:
-    """The loop that `identify --loop` wrote beside an identification; None where there is none, or of other data."""
-    from robustid.app.load_save import load_result
-    from robustid.core import fingerprint, paths
-
-    place = written_files.beside(source, "-loop")
-    if not paths(place)[1].is_file():
-        return None
-    loop = load_result(place, "loop bounds")
-    return loop if fingerprint(loop.band.problem) == fingerprint(found.problem) else None
 
 
 def _place(source: Path, names: tuple[str, ...]) -> Path:
@@ -167,7 +160,8 @@ def read_files(source: Path) -> list[Path]:
     from robustid.core import paths
 
     if not source.is_dir():
-        return [*written_files.sources(source), *(file.with_stem(f"{file.stem}-loop") for file in paths(source))]
+        kept = [file.with_stem(f"{file.stem}{ending}") for ending in ("-loop", "-band") for file in paths(source)]
+        return [*written_files.sources(source), *kept]
     return [file for name in ("loop", "band", "identification") for file in paths(source / name)]
 
 

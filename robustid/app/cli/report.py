@@ -161,6 +161,8 @@ class _Page(NamedTuple):
 
         work = Work(run=RunFile(), identification=result, around=Surroundings(self.progress, budget=budget))
         _take_bounds(work, bounds)
+        if work.band is None:
+            work.band = written_files.kept_beside(self.source, "-band", result)
         if reduce:
             reduced(work)
         shown: Parts = {"tube": None if steps is None else _tube(work, steps)}
@@ -170,11 +172,7 @@ class _Page(NamedTuple):
         work.around.say("verifying every certificate")
         self._written(result, {**work.parts, **shown})
         head = self._head(result, {**work.parts, "independent": asked})
-        after = (
-            next_of(work, self.source, [])
-            if work.error is None and work.band is None and work.over_poles is None
-            else [smallest(self.source)]
-        )
+        after = [smallest(self.source)] if bounds else next_of(work, self.source, [])
         screen.conclude(self.console, head, lambda: everything(work), written=[self.output], steps=after)
         return _with(asked, screen.exit_code(result.verified_status, bool(result.problem.open_faults)))
 

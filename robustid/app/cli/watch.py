@@ -141,6 +141,9 @@ def _known(source: Path) -> Any:
     from robustid.core import saved_kind
 
     if saved_kind(source) == "identification":
+        known = written_files.kept_beside(source, "-band", load_result(source, "identification"))
+        if known is not None:
+            return known
         raise InputError(
             f"{source} is an identification, a watch stands on its band: robustid bounds {source} -o {source}-bounds writes it,"
             f" robustid watch {source}-bounds-band begins",

@@ -5,8 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from robustid.errors import InputError
+
+if TYPE_CHECKING:
+    from robustid.identification import Identification
 
 
 def result_files(output: Path) -> tuple[Path, Path]:
@@ -82,6 +86,19 @@ def beside(output: Path, ending: str) -> Path:
     """NAME with an ending of its own."""
     base = result_files(output)[0].with_suffix("")
     return base.with_name(base.name + ending)
+
+
+def kept_beside(source: Path, ending: str, found: Identification) -> Any:
+    """The result of the same data beside an identification: that of identify under this ending, or of run in the folder."""
+    from robustid.app.load_save import load_result
+    from robustid.core import fingerprint, paths
+
+    place = source / ending.removeprefix("-") if source.is_dir() else beside(source, ending)
+    if not paths(place)[1].is_file():
+        return None
+    kept = load_result(place, "band", "loop bounds")
+    problem = kept.problem if ending == "-band" else kept.band.problem
+    return kept if fingerprint(problem) == fingerprint(found.problem) else None
 
 
 def new_folder(wanted: Path) -> Path:
