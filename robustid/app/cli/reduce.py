@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robustid.app.cli import screen, written_files
-from robustid.app.cli.command_options import AsJson, Force, Verbose, words_of
+from robustid.app.cli.command_options import AsJson, Force, Verbose, only, words_of
 from robustid.app.cli.screen import Next, in_words, step, telling
 from robustid.app.run.checks import low_high
+from robustid.app.run.settings import General
 
 if TYPE_CHECKING:
     import control
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 
 def reduce(
+    *,
     source: Annotated[
         Path, typer.Argument(help="A saved identification, or a model: .npz or .mat with A, B, C, D, dt.")
     ],
@@ -45,9 +47,7 @@ def reduce(
         bool, typer.Option("--static-gain", help="Keep the gain at frequency zero exactly.")
     ] = False,
     keep_unstable: Annotated[bool, typer.Option(help="Keep unstable poles and integrators exactly.")] = False,
-    time_limit: Annotated[
-        float | None, typer.Option(help="Seconds after which the smallest order found so far is taken; so does Ctrl-C.")
-    ] = None,
+    general: Annotated[General, only("time_limit")],
     output: Annotated[
         Path,
         typer.Option(
@@ -60,8 +60,9 @@ def reduce(
 ) -> None:
     """Reduce a model: to the smallest order that keeps every sample inside its bound, or by balanced truncation.
 
-    A saved identification alone is searched for its smallest order inside the bounds. A model, or an identification with any
-    option that says how, is truncated: the a-priori error bound stands beside the true largest error over all frequencies.
+    A saved identification alone is searched for its smallest order inside the bounds, for --time-limit at most. A model, or an
+    identification with any option that says how, is truncated: the a-priori error bound stands beside the true largest error over
+    all frequencies.
 
     [bold]Example[/bold]: robustid reduce plant.mat --order 12 --band 5:200 --static-gain -o small.mat
 
@@ -88,7 +89,7 @@ def reduce(
             asked["unstable"] = "keep" if keep_unstable else "refuse"
             reduction = _truncated(console, load_model(source), asked)
         elif all(value is None for value in asked.values()):
-            reduction = _within_bounds(console, identification, time_limit)
+            reduction = _within_bounds(console, identification, general.time_limit)
         else:
             reduction = _truncated(console, identification.model, asked | {"unstable": "keep"})
             from robustid.identification import largest_ratio
@@ -127,7 +128,7 @@ def _next(output: Path, reduction: Reduction) -> list[Next]:
     return [Next(what, ["export", output, "-o", f"{other}{ending}"])]
 
 
-def _within_bounds(console: Terminal, identification: Identification, time_limit: float | None) -> Reduction:
+def _within_bounds(console: Terminal, identification: Identification, time_limit: float) -> Reduction:
     from robustid.app.run.run_file import RunFile
     from robustid.app.run.run_folder import Surroundings
     from robustid.app.run.sequence import reduced
