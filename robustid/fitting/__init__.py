@@ -14,7 +14,7 @@ from robustid.fitting.matrix_fraction import MatrixFraction, fit_mfd
 from robustid.fitting.modal.modal_form import ModalForm, continuous, modal_form
 from robustid.fitting.modal.modal_structure import DAMPINGS, QUANTITIES, Modal
 from robustid.fitting.modal.mode_table import ModeRow, mode_table
-from robustid.fitting.order_choice import suggest_order
+from robustid.fitting.order_choice import orders_fitted, suggest_order
 from robustid.fitting.order_sweep import OrderSweep, StabilisationMark
 from robustid.fitting.records.output_error import fit_records
 from robustid.fitting.records.record_fit import RecordFit
@@ -49,6 +49,7 @@ __all__ = [
     "into_form",
     "modal_form",
     "mode_table",
+    "orders_fitted",
     "orthonormal_polynomials",
     "polynomial_nodes",
     "retract",

@@ -135,6 +135,26 @@ def suggest_order(
     for name in options:
         if name == "order" or name not in inspect.signature(fit_mfd).parameters:
             raise InputTypeError(f"`{name}` is not an option of fit_mfd that suggest_order takes; leave it out")
+    budget = Budget(time_limit, progress, "fitting a range of orders")
+    stated = options | {"weight": weight, "domain": domain}
+    sweep, settings = orders_fitted(
+        frf, stated, budget, orders=orders, executor=executor, grown=as_function("grown", grown)
+    )
+    ended = sweep.interrupted or budget.over
+    return sweep if ended else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
+
+
+def orders_fitted(
+    frf: FrequencyResponse,
+    options: Options,
+    budget: Budget,
+    *,
+    orders: Iterable[int] | None = None,
+    executor: Executor | None = None,
+    grown: Callable[[OrderSweep], object] | None = None,
+) -> tuple[OrderSweep, Options]:
+    """Fit a range of orders as `suggest_order` does, without its hint; the sweep, and the options that all of its fits had."""
+    options, weight, domain = dict(options), options.get("weight"), options.get("domain")
     if "constraints" in options:
         options["constraints"] = as_constraints(options["constraints"])  # an iterator would serve one order only
     options.setdefault("restart", False)
@@ -149,9 +169,7 @@ def suggest_order(
     )
     step = 2 if as_modal(options.get("modal")) is not None else 1  # states of a mode
     tried = _orders(orders, int(np.sum(singular_values > edge)), frf, step)
-    budget = Budget(time_limit, progress, "fitting a range of orders")
     settings = options | {"weight": weight, "domain": domain}
-    on_wave = as_function("grown", grown)
 
     def assembled(found: Found) -> OrderSweep:
         fits, failures, withheld, interrupted = found
@@ -171,12 +189,10 @@ def suggest_order(
         )
 
     def growing(found: Found) -> None:
-        if on_wave is not None:
-            on_wave(assembled(found))
+        if grown is not None:
+            grown(assembled(found))
 
-    sweep = assembled(fits_of_orders(frf, tried, settings, executor, budget, orders is None, growing))
-    ended = sweep.interrupted or budget.over
-    return sweep if ended else dataclasses.replace(sweep, hint=_hint(frf, sweep, settings))
+    return assembled(fits_of_orders(frf, tried, settings, executor, budget, orders is None, growing)), settings
 
 
 def _hint(frf: FrequencyResponse, sweep: OrderSweep, settings: Options) -> str:

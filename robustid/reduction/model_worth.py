@@ -159,7 +159,8 @@ def model_worth_having(
         return worth
     least, most = _least_order(smallest), MOST if worth is None else int(worth.orders[-1])
     direct = bool(np.any(smallest.model.D))
-    found = Simulations(records, frf, range(least, max(most, least) + 1), direct, budget)
+    carried = 0 if worth is None else worth.carried
+    found = Simulations(records, frf, range(least, max(most, least) + 1), direct, budget, carried=carried)
     if not found.fits:
         return worth
     simulated = _simulating(identification, smallest, worth, found)

@@ -24,6 +24,7 @@ AS_WELL = 1.05  # of the root mean square error: differences that don't matter
 _FIRST = 0.7  # of a record, to which fits are judged by the rest of it
 _PREDICTS = 1.1  # of the smallest error there: what the fit of the right order may have
 _AT_REST = 0.1  # of the deviation of an output, below which its first sample may be that of a machine at rest
+_IN_VAIN = 4  # orders above that of least description length that are tried: two modes more
 _MOST = 20000  # samples in all: longer records are for spectra
 
 
@@ -65,7 +66,8 @@ def percent(values: Real) -> str:
 
 class Simulations:
     """Records that the data of a problem come from, fits of them of several (rising) orders, and the error of any model over
-    them. A response is fitted beside them, with the bounds as they were measured.
+    them. No order is fitted that is far above the best one and the `carried` one of the response. A response is fitted beside
+    them, with the bounds as they were measured.
     """
 
     def __init__(
@@ -75,18 +77,32 @@ class Simulations:
         orders: Sequence[int],
         feedthrough: bool,
         budget: Budget,
+        *,
+        carried: int = 0,
     ):
         self.records, self.offset = list(records), all(record.bound is None for record in records)
         self.frf = None if frf is None else as_known(frf)
         self.feedthrough, self.budget = feedthrough, budget
         self.samples = sum(len(record.u) for record in records)
         self.fits: dict[int, RecordFit] = {}
+        self._length: dict[int, float] = {}
         for k, order in enumerate(orders):
             if (fit := self._fit(order)) is not None:
-                self.fits[order] = fit
+                self.fits[order], self._length[order] = fit, self._description_length(fit)
             budget.tell(k + 1, len(orders))
-            if budget.over:
+            if budget.over or (self._length and order >= max(self._shortest + _IN_VAIN, carried)):
                 break
+
+    @property
+    def _shortest(self) -> int:
+        """Order of least description length."""
+        return min(self._length, key=self._length.__getitem__)
+
+    def _description_length(self, fit: RecordFit) -> float:
+        """Description length of the records by a fit, but for a constant; the state that each begins with is unknown, too."""
+        outputs, inputs = self.records[0].y.shape[1], self.records[0].u.shape[1]
+        count, level = self.samples * outputs, max(self.error(fit.model), np.finfo(float).tiny)
+        return 2 * count * math.log(level) + fit.order * (outputs + inputs + len(self.records)) * math.log(count)
 
     def _fit(
         self,
@@ -127,19 +143,11 @@ class Simulations:
             return math.inf
 
     def carried(self) -> int:
-        """Order that the records carry: of least description length, or a lower one that predicts their ends as well. The state
-        that each record begins with is unknown, too. Coloured noise makes the description length choose too many states; so
-        fits to the first part of every record are judged by the rest of it.
+        """Order that the records carry: of least description length, or a lower one that predicts their ends as well. Coloured
+        noise makes the description length choose too many states; so fits to the first part of every record are judged by the
+        rest of it.
         """
-        length: dict[int, float] = {}
-        outputs, inputs = self.records[0].y.shape[1], self.records[0].u.shape[1]
-        for order, fit in self.fits.items():
-            count = self.samples * outputs
-            level = max(self.error(fit.model), np.finfo(float).tiny)
-            length[order] = 2 * count * math.log(level) + order * (outputs + inputs + len(self.records)) * math.log(
-                count
-            )
-        most = min(length, key=length.__getitem__)
+        most = self._shortest
         ends = self._errors_at_ends([order for order in self.fits if order <= most])
         if most not in ends:
             return most

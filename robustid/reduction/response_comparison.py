@@ -10,7 +10,7 @@ import scipy.special
 
 from robustid.core import Budget, Real, pass_on
 from robustid.data import FrequencyResponse, TimeRecord
-from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, suggest_order
+from robustid.fitting import MatrixFraction, OrderSweep, RigidBody, orders_fitted
 from robustid.identification import Identification
 from robustid.reduction.balanced import Reduction
 from robustid.reduction.drawn_inside import Structure
@@ -63,14 +63,9 @@ def response_sweep(
     identification: Identification, smallest: Reduction, frf: FrequencyResponse, budget: Budget
 ) -> OrderSweep:
     """Least-squares fits of the frequency response, with the rigid-body modes of the model."""
-    sweep = suggest_order(
-        frf,
-        orders=range(max(1, integrators_of(identification, smallest)), _largest_order(identification, frf) + 1),
-        weight=_weight(frf),
-        time_limit=budget.seconds,
-        progress=budget.receive,
-        **structure_of(identification, smallest),
-    )
+    orders = range(max(1, integrators_of(identification, smallest)), _largest_order(identification, frf) + 1)
+    options = {"weight": _weight(frf), **structure_of(identification, smallest)}
+    sweep, _ = orders_fitted(frf, options, budget.share(1.0), orders=orders)
     pass_on(sweep.interrupted)
     return sweep
 

@@ -174,6 +174,17 @@ def test_a_process_is_judged_around_its_operating_point(start, ambient):
     assert found.quality(wrong)[0] < 60
 
 
+@pytest.mark.parametrize(("carried", "last"), [(0, 6), (7, 7)])
+def test_no_order_is_fitted_far_above_that_which_the_records_carry(carried, last):
+    rng = np.random.default_rng(0)
+    u, plant = rng.standard_normal(100), control.ss([[0.9, 0.4], [-0.4, 0.9]], [[0], [1]], [[1, 0]], [[0]], 0.1)
+    y = control.forced_response(plant, U=u).outputs
+    record = rid.TimeRecord(u, y + 0.05 * y.std() * rng.standard_normal(100), dt=0.1)
+    found = Simulations([record], None, range(1, 9), feedthrough=False, budget=Budget(None), carried=carried)
+    assert list(found.fits) == list(range(1, last + 1))
+    assert found.carried() == 2
+
+
 def test_a_record_that_begins_at_rest_stays_one_and_a_bound_too():
     record, plant, noise = heating(0.0, 0.0)
     assert with_transients([record]) == [record]

@@ -31,7 +31,7 @@ from robustid.fitting import (
     fit_mfd,
     fit_records,
     mode_table,
-    suggest_order,
+    orders_fitted,
 )
 from robustid.guarantees import has_box
 from robustid.identification import MixedProblem, check_equations, validate
@@ -283,8 +283,10 @@ def _fitted(run: RunFile, frf: FrequencyResponse, around: Surroundings) -> tuple
     asked, order, why = run.fit.arguments, run.fit.order, ""
     if order == AUTO:
         around.say("fitting a range of orders")
-        limited: dict[str, Any] = {**asked, "time_limit": asked["time_limit"] or _SWEEP}
-        sweep = suggest_order(frf, progress=around.told, **limited)
+        fitted = {name: value for name, value in asked.items() if name != "time_limit"}
+        sweep, _ = orders_fitted(
+            frf, fitted, Budget(asked["time_limit"] or _SWEEP, around.told, "fitting a range of orders")
+        )
         pass_on(sweep.interrupted)
         order, why = (
             sweep.suggested,
