@@ -37,7 +37,7 @@ from robustid.advice.pole_interval import (
 )
 from robustid.advice.real_poles import RealPoles, explain_more, over_decades, slow_poles
 from robustid.bases import ParametricBasis, kautz
-from robustid.core import Frozen, Real, as_count, freeze, hz_scale, hz_words, one_thread
+from robustid.core import Budget, Frozen, Real, as_count, freeze, hz_scale, hz_words, one_thread
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.guarantees import told_apart_of
@@ -212,11 +212,11 @@ def suggest_kautz(
             f"`modes` = {wanted}: {fit.angle.size} frequency points can't tell more than {fit.room} modes from a smooth"
             " remainder; ask for fewer modes, or give more frequency points"
         )
-    clock = StepClock(fit, time_limit)
+    clock, budget = StepClock(fit, time_limit), Budget(time_limit)
     poles, reason = find_poles(fit, wanted, clock)
     lowest = float(frf.omega[frf.omega > 0].min(initial=np.inf))
     # Looked for where modes leave something, or none of them stands.
-    decades = functools.cache(lambda: over_decades(frf) if wanted is None and not fit.plane.dt else None)
+    decades = functools.cache(lambda: over_decades(frf, budget) if wanted is None and not fit.plane.dt else None)
     left = residual_rows(poles, fit)
     if ratios(left).max() > 1 and (real := decades()) is not None and explain_more(real, left, len(poles)):
         return _of_decades(fit, real, lowest, repeat)
@@ -232,8 +232,9 @@ def suggest_kautz(
     if wanted is None and (len(poles) or frf.doubt is not None) and not len(kept):  # none stands in a class
         if (real := decades()) is not None and real.largest <= 1:
             return _of_decades(fit, real, lowest, repeat)
-        if (slow := slow_poles(frf, fixed_delay)) is not None:
+        if (slow := slow_poles(frf, budget, fixed_delay)) is not None:
             return _of_process(fit, slow, repeat)
+        clock.ended |= budget.over
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)
     below = omega < lowest / _BEYOND  # one pair may be a suspension; several, or nothing else, are a slope
     if below.any() and (below.all() or below.sum() > 1) and (real := decades()) is not None:

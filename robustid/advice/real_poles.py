@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.advice.pole_fit import DAMPING
-from robustid.core import Complex, Real
+from robustid.core import Budget, Complex, Real
 from robustid.data import FrequencyResponse
 from robustid.estimation import PoleFit, most_delay
 
@@ -48,40 +48,42 @@ def explain_more(found: RealPoles, left: Real, pairs: int) -> bool:
     return bool(found.left < _FEWER * (left @ left) or simpler)
 
 
-def over_decades(frf: FrequencyResponse) -> RealPoles | None:
+def over_decades(frf: FrequencyResponse, budget: Budget) -> RealPoles | None:
     """Poles of partial fractions that keep a continuous response inside its bounds, or of the order beyond which little is won.
 
     None for less than two decades, or without a real pole among them. A battery, a cable, a viscoelastic mount has no few poles:
-    real ones over the decades follow it all the same, and their places are a choice.
+    real ones over the decades follow it all the same, and their places are a choice. Of the orders that the time suffices for.
     """
     fit = PoleFit(frf, feedthrough=True)
     if frf.dt or frf.omega.size < 2 * _POINTS_A_POLE or not fit.wide:
         return None
-    best = _fractions(frf, fit, _ORDERS)
+    best = _fractions(frf, fit, _ORDERS, budget)
     return best if np.any(best.damping == 1) else None
 
 
-def slow_poles(frf: FrequencyResponse, delay: int | None = None) -> RealPoles | None:
+def slow_poles(frf: FrequencyResponse, budget: Budget, delay: int | None = None) -> RealPoles | None:
     """Real poles of partial fractions that keep a sampled response inside its bounds, those that decay slowly, by rising frequency.
 
     Behind the delay with which the fewest do, or leave least: poles that stand for a dead time follow it on the frequency points,
-    and a class around them is too small for the plant. None of a response in continuous time, of too few points, or without such
-    a pole. Where modes are in doubt (`FrequencyResponse.doubt`) those of the response that asks for more, with these or without:
-    around fewer a class is too small for a plant that the bounds hold.
+    and a class around them is too small for the plant. None of a response in continuous time, of too few points, without such
+    a pole, or where the time ends before the search. Where modes are in doubt (`FrequencyResponse.doubt`) those of the response
+    that asks for more, with these or without: around fewer a class is too small for a plant that the bounds hold.
     """
     if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
         return None
-    found = _slow(frf, frf.dt, delay)
+    found = _slow(frf, frf.dt, budget, delay)
     if frf.doubt is None:
         return found
-    other = _slow(dataclasses.replace(frf, values=frf.values + frf.doubt, doubt=None), frf.dt, delay)
+    other = _slow(dataclasses.replace(frf, values=frf.values + frf.doubt, doubt=None), frf.dt, budget, delay)
     fewer = found is None or (other is not None and other.omega.size > found.omega.size)
     return other if fewer else found
 
 
-def _slow(frf: FrequencyResponse, dt: float, delay: int | None) -> RealPoles | None:
+def _slow(frf: FrequencyResponse, dt: float, budget: Budget, delay: int | None) -> RealPoles | None:
     delays = range(most_delay(frf, dt) + 1) if delay is None else (delay,)
-    found = [_behind(frf, dt, one) for one in delays]
+    found = [_behind(frf, dt, budget, one) for one in delays]
+    if budget.over:  # another delay, or more poles, might be right
+        return None
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
     slow = (best.damping > _HEAVY) & (best.omega * dt < _FAST) & (best.omega > _SLOWEST * lowest)
@@ -91,14 +93,14 @@ def _slow(frf: FrequencyResponse, dt: float, delay: int | None) -> RealPoles | N
     return RealPoles(omega, np.ones(omega.size), best.left, best.largest, best.delay)
 
 
-def _behind(frf: FrequencyResponse, dt: float, delay: int) -> RealPoles:
+def _behind(frf: FrequencyResponse, dt: float, budget: Budget, delay: int) -> RealPoles:
     """The poles behind a delay."""
     turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None]
     ahead = dataclasses.replace(frf, values=turned)
-    return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1)._replace(delay=delay)
+    return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1, budget)._replace(delay=delay)
 
 
-def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
+def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int, budget: Budget) -> RealPoles:
     """Partial fractions of the order, a multiple of the step, that keeps all inside its bounds, or beyond which little is won."""
     size = np.abs(np.where(frf.missing, 0, frf.values))
     radius = 0.05 * np.maximum(size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.bound.outer_radius
@@ -107,7 +109,7 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int) -> RealPoles:
     best = _left(fit, np.zeros(0, complex))
     whole = best.left
     for order in range(step, min(_MOST_POLES, frf.omega.size // _POINTS_A_POLE) + 1, step):
-        if best.largest <= 1:
+        if best.largest <= 1 or budget.over:
             break
         _, (poles,) = fit.search(order, np.zeros(1))
         found = _left(fit, poles := poles[~_needles(fit, poles)])

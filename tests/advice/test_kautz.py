@@ -12,6 +12,7 @@ from robustid.advice import suggest_kautz, suggest_prior
 from robustid.advice.pole_fit import LineData, told_apart, wanted_in_basis
 from robustid.advice.pole_interval import _least_squares, damped_outside
 from robustid.advice.real_poles import over_decades
+from robustid.core import Budget
 from robustid.errors import InputTypeError
 from robustid.formats import datasets
 from support.measured import needs
@@ -270,7 +271,7 @@ def test_damped_modes_over_decades_are_no_relaxations(seed):
     """Six modes of damping 0.3: pairs follow them, and a real pole would say what is not there."""
     rng, s = np.random.default_rng(seed), 1j * OMEGA
     values = sum(rng.uniform(0.5, 2) * f**2 / (s**2 + 0.6 * f * s + f**2) for f in 10 ** rng.uniform(0.3, 2.7, 6))
-    assert over_decades(response(values)) is None
+    assert over_decades(response(values), Budget()) is None
 
 
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(8)])
@@ -278,10 +279,10 @@ def test_real_poles_are_found_and_nothing_over_less_than_two_decades(seed):
     rng, s = np.random.default_rng(seed), 1j * OMEGA
     places = np.geomspace(0.5, 500, 4) * np.exp(rng.uniform(-0.3, 0.3, 4))
     frf = response(0.1 + sum(rng.uniform(0.5, 2) * p / (s + p) for p in places))
-    found = over_decades(frf)
+    found = over_decades(frf, Budget())
     assert np.all(found.damping == 1)
     assert found.largest <= 1
-    assert over_decades(frf.select(frf.omega < 90)) is None
+    assert over_decades(frf.select(frf.omega < 90), Budget()) is None
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))])
@@ -303,7 +304,7 @@ def test_a_cell_with_the_inductance_of_its_leads_keeps_its_relaxations(seed):
     values = 0.0125 + 2e-7j * omega + 0.02 / (1 + 0.05j * omega) + 0.004 / (1 + 3e-4j * omega)
     noise = 0.002 * (rng.standard_normal(51) + 1j * rng.standard_normal(51)) / np.sqrt(2)
     frf = rid.estimate_bound(rid.FrequencyResponse(omega, values * (1 + noise)))
-    assert over_decades(frf).largest <= 1
+    assert over_decades(frf, Budget()).largest <= 1
     found = rid.suggest_kautz(frf)
     real = found.omega[found.damping == 1]
     assert np.abs(np.log(real * 0.05)).min() < 0.05

@@ -13,7 +13,8 @@ from robustid.app.run.measurements import Measured, measured
 from robustid.app.run.posing import posed
 from robustid.app.run.run_file import read_run_file
 from robustid.app.run.run_folder import Surroundings
-from robustid.estimation import response_alone
+from robustid.core import Budget
+from robustid.estimation import PoleFit, response_alone
 from support.cases import slow
 from support.fault_judge import CATALOGUE
 from support.fault_plants import recipes, simulated
@@ -78,9 +79,21 @@ def test_dead_time_is_found_with_the_poles(bound):
     plant = recipes()["heater"].plant
     omega = np.linspace(1, 60, 45) * 2 * np.pi / 600
     frf = rid.FrequencyResponse(omega, plant(np.exp(1j * omega)), bound=bound, dt=1.0)
-    found = slow_poles(frf)
+    found = slow_poles(frf, Budget())
     assert found.delay in (4, 5)  # one pole behind a whole sample more is one and a constant
     np.testing.assert_allclose(1 / found.omega, [60, 15], rtol=1e-6)
+
+
+def test_no_order_is_tried_when_the_time_is_over(monkeypatch):
+    plant = recipes()["heater"].plant
+    omega = np.linspace(1, 60, 45) * 2 * np.pi / 600
+    frf = rid.FrequencyResponse(omega, plant(np.exp(1j * omega)), bound=1e-4, dt=1.0)
+    tried = []
+    search = PoleFit.search
+    monkeypatch.setattr(PoleFit, "search", lambda *given: tried.append(given) or search(*given))
+    assert slow_poles(frf, Budget(1e-9)) is None
+    assert not tried
+    assert suggest_kautz(frf, time_limit=1e-9).complete is False
 
 
 @pytest.mark.parametrize("dead", [slow(0), 7])
@@ -100,7 +113,7 @@ def test_poles_that_look_like_those_of_noise_stand_in_the_class():
     """Without them next to nothing is left at the first lines, within wide bounds: the plant left its band by 11.9."""
     plant, record = process_of(83)
     frf = response_alone(record)
-    found = slow_poles(frf)
+    found = slow_poles(frf, Budget())
     assert np.all((plant.constants.min() < 2 / found.omega) & (1 / found.omega < plant.constants.sum()))
     truth = plant.response(frf.omega)
     assert np.all(np.abs(frf.values[:, 0, 0] - truth) <= frf.bound.radius[:, 0, 0])
@@ -123,7 +136,7 @@ def test_band_of_a_process_that_became_faster_half_way_holds_it(seeds):
 
 def test_constant_and_light_mode_are_no_process():
     constant = rid.FrequencyResponse(OMEGA, np.full(OMEGA.size, 0.3), bound=0.01, dt=1.0)
-    assert slow_poles(constant) is None
+    assert slow_poles(constant, Budget()) is None
     basis = rid.kautz(np.array([0.4]), np.array([0.01]), dt=1.0)
     mode = rid.FrequencyResponse(OMEGA, basis.response(OMEGA) @ np.array([1.0, 0.2]), bound=0.01, dt=1.0)
     assert suggest_kautz(mode).damping == pytest.approx([0.01], rel=0.1)

@@ -32,7 +32,7 @@ from robustid.app.run.real_poles import with_real_poles
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.bases import ParametricBasis
-from robustid.core import Options, Source, hz_words
+from robustid.core import Budget, Options, Source, hz_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.identification import Identification, MixedProblem, Prior, any_prior, identify, prior_from
@@ -291,7 +291,10 @@ def _with_slow_poles(
 ) -> tuple[RunFile, MixedProblem, PriorSuggestion] | None:
     """The slow real poles of the response beside the modes, where a class says something then: a drive with friction has one."""
     frf = next((one for one in problem.frequency if isinstance(one, FrequencyResponse)), None)
-    slow = None if frf is None else slow_poles(frf, delay)
+    if frf is None:
+        return None
+    with around.step("looking for slow real poles", _PRIOR) as limit:
+        slow = slow_poles(frf, Budget(limit), delay)
     if slow is None:
         return None
     modes = with_real_poles(run.modes, slow)
