@@ -12,6 +12,7 @@ from robustid.advice.kept_gains import KeptGains
 from robustid.advice.model_class import suggest_class
 from robustid.advice.moved_modes import moved_modes
 from robustid.advice.next_experiment import NextMeasurement, suggest_next
+from robustid.advice.pole_fit import tells_modes
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, says_something, suggest_prior, useful_prior
 from robustid.advice.prior_weight import prior_weight, suggest_roll_off
@@ -71,6 +72,7 @@ __all__ = [
     "suggest_scaling",
     "suspect_experiments",
     "suspect_modes",
+    "tells_modes",
     "useful_prior",
     "without_experiments",
 ]

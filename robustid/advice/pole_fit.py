@@ -69,7 +69,7 @@ class LineData:
     @property
     def room(self) -> int:
         """Number of modes (four numbers each) that the frequency points tell from a smooth remainder, one spare equation left."""
-        return max(0, (2 * self.angle.size - SMOOTH - 1) // 4)
+        return _room(self.angle.size)
 
     def scaled(self, columns: Complex) -> Real:
         """Complex columns as real rows in units of the bounds."""
@@ -92,6 +92,15 @@ def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
     if size.shape[1] == 1:
         return LineData(angle[order], value[:, 0], bound[:, 0], plane)
     return LineData(angle[order], value[:, seen], bound[:, seen], plane)
+
+
+def tells_modes(frf: FrequencyResponse) -> bool:
+    """Tell whether the frequency points suffice for one mode beside a smooth remainder."""
+    return _room(int(np.sum(~frf.missing.all(axis=(1, 2))))) > 0
+
+
+def _room(points: int) -> int:
+    return max(0, (2 * points - SMOOTH - 1) // 4)
 
 
 def checked_lines(frf: object, dt: float | None) -> LineData:

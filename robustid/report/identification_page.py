@@ -256,7 +256,8 @@ def _said(identification: Identification) -> tuple[str, str, str]:
         Status.CONSISTENT: f"A system of the assumed class keeps all {count} samples within their bounds.",
         Status.INCONSISTENT: f"It is proved that no system of the assumed class keeps all {count} samples within"
         f" their bounds: {blame}.",
-        Status.UNDECIDED: "The proven interval of the margin contains 1: ask for a smaller `accuracy`.",
+        Status.UNDECIDED: "The proven interval of the margin contains 1: "
+        + ("more time narrows it." if identification.claim.stopped else "ask for a smaller `accuracy`."),
         Status.FAILED: "No solver returned numbers that could be verified to the accuracy asked.",
     }
     if status is not Status.FAILED and not identification.verification.passed:

@@ -196,3 +196,12 @@ def test_a_run_of_fewer_points_is_gone_on_with(tmp_path, monkeypatch):
         asked.prior,
         asked.withheld,
     )
+
+
+@pytest.mark.parametrize("points", [1, 3])
+def test_of_few_frequency_points_no_mode_is_chosen(points):
+    omega = np.linspace(10.0, 40.0, points)
+    frf = rid.FrequencyResponse(omega, 1 / (2 - np.exp(-1j * omega * DT)), bound=0.05, dt=DT)
+    found = of_data(Measured((frf,), ()))[1]
+    assert found.parametric is None
+    assert rid.identify(found).consistent

@@ -84,6 +84,9 @@ def test_undecided_and_unverified_results_are_not_called_consistent(simple):
     claim = dataclasses.replace(simple.claim, margin=1 + 1e-6, certificate=certificate)
     undecided = dataclasses.replace(simple, claim=claim)
     assert identification_verdict(undecided).word == "Undecided"
+    assert "smaller `accuracy`" in identification_verdict(undecided).sentence
+    late = dataclasses.replace(undecided, claim=dataclasses.replace(claim, stopped="stopped at the time limit"))
+    assert "more time" in identification_verdict(late).sentence
     for k, answered in (
         (0, True),
         (len(simple.verification.checks) - 1, False),

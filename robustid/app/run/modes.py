@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.advice import KautzSuggestion, suggest_kautz, suspect_modes
+from robustid.advice import KautzSuggestion, suggest_kautz, suspect_modes, tells_modes
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import POSITIVE_REAL
 from robustid.app.run.measurements import Measured
@@ -40,6 +40,7 @@ Box = tuple[Real, Real]  # (M, 2) each: natural frequencies in rad/s, damping ra
 
 _SWEEP = 60.0  # s for the choice of an order, where no limit is stated
 _SHARE = 0.5  # of the time that is left, for the modes: a class without those that the data show says little
+_FEW = "No parametric part: the frequency points are too few for a mode beside a smooth remainder."
 _NO_TIME = "No parametric part: the time was too short for the search for the first mode."
 _DEVIATIONS = 3.0  # of the pole-uncertainty box, on either side
 _MOST = 2  # integrators of a class
@@ -69,9 +70,11 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     if not data.responses:
         around.say("looking for modes in the records")
         return dataclasses.replace(run, modes=_from_records(chosen, data.records))
-    found = _in_time(data.responses[0], chosen, around)
+    few = chosen.count is None and not tells_modes(data.responses[0])
+    found = None if few else _in_time(data.responses[0], chosen, around)
     if found is None:
-        return run.changed("modes", hz=(), damping=(), delay=chosen.delay or 0, source=Source.PROGRAM, note=_NO_TIME)
+        note = _FEW if few else _NO_TIME
+        return run.changed("modes", hz=(), damping=(), delay=chosen.delay or 0, source=Source.PROGRAM, note=note)
     hz_interval = damping_interval = None
     if found.omega.size:
         hz_interval, damping_interval = map(_pairs, (found.omega_interval / (2 * np.pi), found.damping_interval))
