@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ _EARLIEST = 10  # samples of lead,
 _CLEARER = 1.0  # with which the description is shorter by so much a frequency point
 _SURE = float(np.log(1e4))  # nats by which the description is shorter: odds of one in so many that it is chance
 _EXACT = 1e-24
+_NOISE = 2.0  # squares that a description leaves, in those of the noise: what leaves less has nothing to describe
 
 
 def most_delay(frf: FrequencyResponse, dt: float) -> int:
@@ -78,9 +80,11 @@ def _early(each: dict[int, int], names: list[str], read: bool) -> Fault:
 
 
 def lead(frf: FrequencyResponse) -> int:
-    """Samples by which a response comes before its held input, 2 at least; 0 where one that does not is about as short.
+    """Samples by which a response comes before its held input, 2 at least; 0 where one that does not is about as short, or leaves
+    no more than the noise.
 
-    As `dead_time`. Without a hold mobilities, whose size rises with the frequency, would be told of a lead.
+    As `dead_time`. Without a hold mobilities, whose size rises with the frequency, would be told of a lead. Errors of a response
+    from few windows are alike at neighbouring points: what comes on both sides of the input describes them too.
     """
     seen = _seen(frf)
     if seen.omega.size < _FEWEST or not seen.dt:
@@ -88,8 +92,10 @@ def lead(frf: FrequencyResponse) -> int:
     points = np.unique(np.linspace(0, seen.omega.size - 1, _POINTS).astype(int))
     fit = PoleFit(dataclasses.replace(seen.select(points), bound=None), feedthrough=True)
     found = _lengths(fit, list(range(-_EARLIEST, 2)))
-    best, clearly = min(found, key=lambda d: found[d]), _SURE + _CLEARER * fit.samples
-    return -best if best <= -_LEAST and min(found[0], found[1]) > found[best] + clearly else 0
+    best, plain = min(found, key=lambda d: found[d].length), min(found[0], found[1])
+    noise = seen.covariance is not None and plain.left <= _NOISE * fit.samples
+    clearly = plain.length > found[best].length + _SURE + _CLEARER * fit.samples
+    return -best if best <= -_LEAST and clearly and not noise else 0
 
 
 def dead_time(frf: FrequencyResponse) -> int:
@@ -108,30 +114,37 @@ def dead_time(frf: FrequencyResponse) -> int:
     fit = PoleFit(dataclasses.replace(seen.select(points), bound=None), feedthrough=True)
     step = max(1, int(_STEP * np.pi / (float(fit.omega[-1]) * float(fit.dt or 1))))
     lengths = _lengths(fit, sorted({0, 1, *range(_LEAST, most + 1, step)}))
-    best = min(lengths, key=lambda d: lengths[d])
+    best = min(lengths, key=lambda d: lengths[d].length)
     lengths |= _lengths(
         fit, [d for d in range(best - step + 1, best + step) if _LEAST <= d <= most and d not in lengths]
     )
-    best = min(lengths, key=lambda d: lengths[d])
-    return best if best >= _LEAST and min(lengths[0], lengths[1]) > lengths[best] + _SURE else 0
+    best = min(lengths, key=lambda d: lengths[d].length)
+    return best if best >= _LEAST and min(lengths[0], lengths[1]).length > lengths[best].length + _SURE else 0
 
 
-def _lengths(fit: PoleFit, delays: list[int]) -> dict[int, float]:
-    """Length of the shortest description behind each delay, in nats."""
-    found = dict.fromkeys(delays, np.inf)
+class Description(NamedTuple):
+    """A description: its length in nats, and the sum of squares that it leaves, in units of the deviations."""
+
+    length: float
+    left: float
+
+
+def _lengths(fit: PoleFit, delays: list[int]) -> dict[int, Description]:
+    """The shortest description behind each delay."""
+    found = dict.fromkeys(delays, Description(np.inf, np.inf))
     seconds: Real = np.array(delays) * float(fit.dt or 1)
     worse = 0
     for order in range(1, _HIGHEST + 1) if delays else ():
         if worse == _PATIENCE or fit.unknowns(order) >= 2 * fit.samples:
             break
-        before = min(found.values())
+        before = min(found.values()).length
         costs, _ = fit.search(order, seconds)
         for delay, cost in zip(delays, costs.tolist(), strict=True):
             length = fit.samples * np.log(cost / fit.samples + _EXACT) + fit.unknowns(order) / 2 * np.log(
                 2 * fit.samples
             )
-            found[delay] = min(found[delay], float(length))
-        worse = 0 if min(found.values()) < before else worse + 1
+            found[delay] = min(found[delay], Description(float(length), cost))
+        worse = 0 if min(found.values()).length < before else worse + 1
     return found
 
 

@@ -8,7 +8,7 @@ import scipy.linalg
 import robustid as rid
 from robustid.core import simulate
 from robustid.errors import InputTypeError
-from robustid.estimation import estimate_delay
+from robustid.estimation import delay_fault, estimate_delay
 from support.cases import slow
 from support.mfd_systems import noisy
 from support.mimo_data import real_poles
@@ -270,3 +270,21 @@ test_with_delay_refuses = refusals(
     ((PLANT, 2.0), "must be from 0 to 1000 samples"),
     of=rid.prepare.with_delay,
 )
+
+
+def short_record(seed, samples, lead):
+    """A mode of damping .1, moved by noise, from an unknown state; its output so many samples early, with 2 % of noise."""
+    rng = np.random.default_rng([seed, samples])
+    w, dt = 2 * np.pi * rng.uniform(0.4, 1.5), 0.1
+    plant = control.c2d(control.ss([[0, 1], [-w * w, -0.2 * w]], [[0], [1]], [[w * w, 0]], [[0]]), dt)
+    u = rng.standard_normal(samples + lead)
+    y = control.forced_response(plant, U=u).outputs
+    y = y + 0.02 * y.std() * rng.standard_normal(y.size)
+    return rid.TimeRecord(u[:samples], y[lead:], dt=dt, initial="free")
+
+
+@pytest.mark.parametrize("samples", [100, 250])
+def test_errors_that_are_alike_at_neighbouring_points_are_no_lead(samples):
+    """A response of so few samples comes from wide windows: its errors too have an answer before the input; 83 of 108 were told."""
+    assert delay_fault(rid.estimate_frf(short_record(0, samples, 0)), False, True) is None
+    assert delay_fault(rid.estimate_frf(short_record(0, samples, 3)), False, True).kind == "late"

@@ -220,8 +220,8 @@ def compared_with_fits(work: Work) -> None:
     work.not_compared = why_not_compared(result, work.small, left.response, left.records)
     if work.not_compared:
         return
-    words = "comparing it with the best fits"
-    with work.around.step(words, _FITS, _LONGEST_FITS) as limit:
+    words, short = "comparing it with the best fits", _FITS * work.around.budget.left < _LONGEST_FITS
+    with work.around.step(words, _FITS, _LONGEST_FITS, needed=short) as limit:
         told = work.around.progress(words)
         how: Record = {"records": left.records, "time_limit": limit, "progress": told}
         work.worth = model_worth_having(result, work.small, left.response, **how)
