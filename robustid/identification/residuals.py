@@ -106,23 +106,27 @@ def fit_percent(problem: MixedProblem, model: StateSpace) -> dict[str, float]:
     """Return ``100 (1 - |y - yhat|/|y - mean(y)|)`` of the worst entry or output, for each kind of experiment.
 
     Of frequency points the complex values in place of y, of those that are `known`; those that share their bounds, and
-    combinations of signals, are left out, as are constant ones.
+    combinations of signals, are left out, as are those that are constant within their bounds: around their mean there is
+    nothing but errors.
     """
     found: dict[str, float] = {}
     for residual in model_residuals(problem, model):
         (row, column), error = residual.entry, residual.error
         if residual.kind == "time":
             record = problem.time[residual.index]
-            y: Numbers = record.y[record.bound.used[:, row or 0], row or 0]
+            used = record.bound.used[:, row or 0]
+            y: Numbers = record.y[used, row or 0]
+            radius = record.bound.outer_radius[used, row or 0]
         elif column is None or residual.error.ndim > 1:
             continue
         else:
             frf: FrequencyResponse = problem.frequency[residual.index]
             counted = known(frf)[:, row, column]
             y, error = frf.values[counted, row, column], error[counted[frf.bound.used[:, row, column]]]
-        size = np.linalg.norm(y - y.mean())
-        if size > 0:
-            value = float(100 * (1 - np.linalg.norm(error) / size))
+            radius = frf.bound.outer_radius[counted, row, column]
+        moved = np.abs(y - y.mean())
+        if np.any(moved > radius):
+            value = float(100 * (1 - np.linalg.norm(error) / np.linalg.norm(moved)))
             found[residual.kind] = min(value, found.get(residual.kind, np.inf))
     return found
 

@@ -187,6 +187,17 @@ def test_fit_in_per_cent_is_that_of_the_residuals():
         assert found[kind] == pytest.approx(100 * (1 - (left.sum() / size.sum()) ** 0.5), abs=1e-6)
 
 
+def test_constant_values_with_errors_have_no_fit_in_per_cent():
+    """A static plant that was found exactly: its fit was -7 %, since around their mean the values are nothing but errors."""
+    values = 0.7 + 0.01 * np.exp(1j * np.arange(20.0))
+    asked = rid.MixedProblem(
+        frequency=rid.FrequencyResponse(np.linspace(1, 60, 20), values, bound=0.02, dt=0.05),
+        time=rid.TimeRecord(np.eye(1, 5)[0], [0.7, 0.01, -0.01, 0.0, 0.005], dt=0.05, bound=0.02),
+        prior=rid.Prior(gain_bound=1.0, decay_rate=1.1),
+    )
+    assert set(fit_percent(asked, control.ss([], [], [], 0.7, 0.05))) == {"time"}
+
+
 def band_over(result, low, high, damping):
     """The band over a box of both modes: from `low` to `high` times their frequencies, and their damping ratios."""
     return rid.band(result, box=(2 * np.pi * np.outer([9.0, 17.67], [low, high]), np.array(damping)))
