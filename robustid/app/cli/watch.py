@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 def watch(
     *,
     source: Annotated[
-        Path, typer.Argument(help="A watch, which goes on; or the saved band, bounds or family with which one begins.")
+        Path,
+        typer.Argument(
+            help="A watch, which goes on; or the identification, band, bounds or family with which one begins."
+        ),
     ],
     files: Annotated[
         list[Path] | None, typer.Argument(metavar="[RECORD]...", help="New records or responses, in their order.")
@@ -67,7 +70,7 @@ def watch(
 ) -> None:
     """Watch a machine: hold every new record against its band; alarms are a proof of contradiction, or a drift at a stated rate.
 
-    [bold]Example[/bold]: robustid watch result-bounds-band --usual monday.npz --usual tuesday.npz -o stage
+    [bold]Example[/bold]: robustid watch result --usual monday.npz --usual tuesday.npz -o stage
 
     [bold]Example[/bold]: robustid watch stage wednesday.npz --report stage.html
 
