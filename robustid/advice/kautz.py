@@ -212,7 +212,7 @@ def suggest_kautz(
             f"`modes` = {wanted}: {fit.angle.size} frequency points can't tell more than {fit.room} modes from a smooth"
             " remainder; ask for fewer modes, or give more frequency points"
         )
-    clock, budget = StepClock(fit, time_limit), Budget(time_limit)
+    budget, clock = Budget(time_limit), StepClock(fit, time_limit)
     poles, reason = find_poles(fit, wanted, clock)
     lowest = float(frf.omega[frf.omega > 0].min(initial=np.inf))
     # Looked for where modes leave something, or none of them stands.
