@@ -74,6 +74,21 @@ def test_bounds_narrow_the_band_that_is_there(beside):
     assert narrowed.hinf <= kept.hinf
 
 
+def test_a_band_that_time_has_cut_short_is_proved_again(run, monkeypatch):
+    proved, band = [], rid.band
+    monkeypatch.setattr(type(rid.load("mine-band")), "unfinished", "it was ended early")
+    monkeypatch.setattr(
+        "robustid.app.run.sequence.band", lambda *given, **how: proved.append(how["box"]) or band(*given, **how)
+    )
+    monkeypatch.setattr(
+        "robustid.guarantees.band", lambda *given, **how: proved.append(how["box"]) or band(*given, **how)
+    )
+    code, _, err = run("bounds", "mine", "--omega", "60", "--directions", "4", "-o", "more")
+    assert code == 0, err
+    MeasuredPlant.of(Path("mine"), lambda *_: None)
+    assert [box is not None for box in proved] == [True, True]
+
+
 def test_a_loop_and_a_watch_stand_on_the_band_over_the_box(beside):
     plant = MeasuredPlant.of(Path("mine"), lambda *_: None)
     assert plant.band.box is not None

@@ -247,11 +247,11 @@ class _Bounds:
 
 
 def _proved(work: Work, source: Path) -> None:
-    """The band that stands beside the identification, about its model; where there is none, it is proved."""
+    """The band that stands beside the identification, about its model; where there is none, or an unfinished one, it is proved."""
     from robustid.app.run.sequence import proved
 
     known = written_files.kept_beside(source, "-band", work.identification)
-    if known is None or known.polygons is not None:
+    if known is None or known.unfinished or known.polygons is not None:
         proved(work)
     else:
         work.band, work.box = known.with_model(work.identification.model), known.box

@@ -128,7 +128,8 @@ class MeasuredPlant:
             return cls(thing, None, identified)
         if (loop := written_files.kept_beside(source, "-loop", thing)) is not None:
             return cls(loop.band, loop.loop, thing)
-        if (known := written_files.kept_beside(source, "-band", thing)) is not None:
+        known = written_files.kept_beside(source, "-band", thing)
+        if known is not None and not known.unfinished:
             return cls(known, None, thing)
         progress("proving the error at every frequency", 0, 0)
         box = held_box(suggested_box(suggested_modes(thing.problem)), thing.problem)
