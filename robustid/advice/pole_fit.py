@@ -69,7 +69,7 @@ class LineData:
     @property
     def room(self) -> int:
         """Number of modes (four numbers each) that the frequency points tell from a smooth remainder, one spare equation left."""
-        return _room(self.angle.size)
+        return max(0, (2 * self.angle.size - SMOOTH - 1) // 4)
 
     def scaled(self, columns: Complex) -> Real:
         """Complex columns as real rows in units of the bounds."""
@@ -96,11 +96,7 @@ def line_data(frfs: Sequence[FrequencyResponse], plane: Plane) -> LineData:
 
 def tells_modes(frf: FrequencyResponse) -> bool:
     """Tell whether the frequency points suffice for one mode beside a smooth remainder."""
-    return _room(int(np.sum(~frf.missing.all(axis=(1, 2))))) > 0
-
-
-def _room(points: int) -> int:
-    return max(0, (2 * points - SMOOTH - 1) // 4)
+    return line_data([frf.select(~frf.missing.all(axis=(1, 2)))], plane_of(frf.dt, frf.omega)).room > 0
 
 
 def checked_lines(frf: object, dt: float | None) -> LineData:
@@ -118,12 +114,11 @@ def checked_lines(frf: object, dt: float | None) -> LineData:
         )
     if not np.any(np.abs(frf.values[~frf.missing]) > 0):
         raise InputError("`frf` is zero at all frequency points; check the output")
-    data = line_data([frf], plane)
-    if data.room < 1:
+    if not tells_modes(frf):
         raise InputError(
             f"`frf` has {frf.omega.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
         )
-    return data
+    return line_data([frf], plane)
 
 
 class StepClock:

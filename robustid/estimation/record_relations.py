@@ -86,8 +86,7 @@ def relation_faults(records: Sequence[TimeRecord], period: int | None) -> list[F
     With a transient of each, spectra of whole records need no windows. Records of the same length only.
     """
     given = [_whole(one, period) for one in records]
-    found: list[Fault] = []
-    long = stretch_length(len(records[0].inputs), len(records[0].outputs))
+    found, long = list[Fault](), stretch_length(len(records[0].inputs), len(records[0].outputs))
     for i, channel in enumerate(records[0].outputs):
         where = f"output {channel.name}"
         signals = [

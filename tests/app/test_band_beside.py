@@ -61,8 +61,8 @@ def test_the_page_of_a_saved_result_says_what_the_first_one_said(beside):
     code, out, _ = beside("report", "mine", "-o", "again.html")
     assert code == 0
     first, again = (Page(Path(name).read_text()).text for name in ("mine.html", "again.html"))
-    begin, end = "Proved at every frequency, with the pole of 1 mode anywhere", "Not covered"
-    assert first[first.index(begin) :].split(end)[0] == again[again.index(begin) :].split(end)[0]
+    begin = "Proved at every frequency, with the pole of 1 mode anywhere"
+    assert first[first.index(begin) :][:300] == again[again.index(begin) :][:300]
     assert "a narrower band" in out
 
 

@@ -171,9 +171,8 @@ def proved(work: Work) -> None:
         return
     if result.prior.positive_real:  # a class without a gain has none
         return
-    words, asked = "proving the error at every frequency", work.run.worst_case.time_limit
-    # A run has its time; without one this step ends with that of the bounds that are to come.
-    with work.around.step(words, _BAND, None if math.isfinite(work.around.budget.left) else asked) as limit:
+    words, has_time = "proving the error at every frequency", math.isfinite(work.around.budget.left)
+    with work.around.step(words, _BAND, None if has_time else work.run.worst_case.time_limit) as limit:
         told, box = work.around.progress(words), held_box(work.box, result.problem)
         work.band = band(result, box=box, time_limit=limit, progress=told)
     work.around.folder.proved(work.band)
