@@ -106,10 +106,10 @@ def _more_modes(problem: MixedProblem) -> list[Cause]:
 
 
 def missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
-    """Numbers of poles at z = 1 to try: none where there are some, or the response doesn't rise towards low frequencies."""
+    """Numbers of integrators to try: none where there are some, or the response doesn't rise towards low frequencies."""
     basis = problem.parametric
     lines = [f for f in problem.frequency if isinstance(f, FrequencyResponse)]
-    if not problem.dt or not lines or (basis is not None and basis.has_integrator) or 0 in lines[0].omega:
+    if not lines or (basis is not None and basis.has_integrator) or 0 in lines[0].omega:
         return ()
     size = np.linalg.norm(lines[0].values.reshape(lines[0].omega.size, -1), axis=1)
     lowest = size[: max(1, size.size // 10)]
@@ -118,7 +118,7 @@ def missing_integrators(problem: MixedProblem) -> tuple[int, ...]:
 
 def _with_integrators(problem: MixedProblem, count: int) -> Cause:
     kind = ("an integrator", "a rigid body")[count - 1]
-    words = f"{kind} is missing: {count} pole{'s' * (count > 1)} at z = 1"
+    words = f"{kind} is missing: {count} pole{'s' * (count > 1)} at {problem.plane.standstill}"
     posed = _with_functions(problem, integrators(count, dt=problem.dt))
     python = f"parametric=[..., rid.integrators({count}, dt={problem.dt:g})]"
     return Cause(words, python, f"--integrators {count}", posed, Kind.POLES, f"{kind} beside it")

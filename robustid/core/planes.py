@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,10 +21,13 @@ class Plane(abc.ABC):
         Sample time; 0 in continuous time.
     top : float, rad/s
         The largest frequency: pi/dt, or infinity.
+    standstill : str
+        Where the poles of integrators are: z = 1, or s = 0.
     """
 
     dt: float
     top: float
+    standstill: ClassVar[str]
 
     @abc.abstractmethod
     def angles(self, omega: Real) -> Real:
@@ -72,6 +76,7 @@ class ZPlane(Frozen, Plane):
 
     dt: float
     top: float = dataclasses.field(init=False)
+    standstill = "z = 1"
 
     def __post_init__(self) -> None:
         self._set(top=np.pi / self.dt)
@@ -131,6 +136,7 @@ class SPlane(Frozen, Plane):
 
     dt = 0.0
     top = np.inf
+    standstill = "s = 0"
 
     def angles(self, omega: Real) -> Real:
         """``2 arctan(omega/b)``."""

@@ -21,7 +21,6 @@ class FaultKind(enum.StrEnum):
     DRIFT = "drift"  # removed, where periods show it
     DISTURBED = "disturbed"  # one record among others
     NOISY_INPUT = "noisy input"
-    OTHER_LEVEL = "other level"  # than that of the other records
     FREQUENCY_UNIT = "frequency unit"
     PHASE_SIGN = "phase sign"
     PHASE_UNIT = "phase unit"

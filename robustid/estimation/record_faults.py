@@ -33,7 +33,6 @@ _OF_ALL = (
     FaultKind.JITTER,
     FaultKind.FEEDBACK,
 )
-_NOISY, _UNEQUAL = 2.0, 1.5  # times the median of the records
 
 
 def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[Fault, ...]:
@@ -92,8 +91,6 @@ def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | No
     told |= {(k, fault.where) for fault in dead for k in range(len(records))}
     if period is not None and same and all(_repeats_with(one, period) for one in records):
         found += period_faults(clean, period, told)
-    if len(records) > 1 and same:
-        found += [fault for fault in _levels(clean) if (fault.record - 1, fault.where) not in told]
     kept = _joined(found, len(records))
     return tuple(with_relations(list(kept), clean, period)) if same and moving else kept
 
@@ -272,22 +269,3 @@ def _repeats_with(record: TimeRecord, period: int) -> bool:
     """Return whether there are two periods, and they are alike."""
     drive = record.u if record.reference is None else record.reference
     return len(drive) >= 2 * period and apart(drive - drive.mean(axis=0), period) <= _WRONG
-
-
-def _levels(records: list[TimeRecord]) -> list[Fault]:
-    """Excitation or answer of a record unlike that of the others."""
-    found: list[Fault] = []
-    for side in ("input", "output"):
-        signals = np.stack([(r.u if side == "input" else r.y).std(axis=0) for r in records])
-        for i, level in enumerate(signals.T):
-            there = level > 0.01 * level.max()
-            if there.sum() < 2:
-                continue
-            usual = float(np.median(level[there]))
-            limit = _UNEQUAL if side == "input" else _NOISY
-            for k in np.flatnonzero(there & ((level > limit * usual) | (level < usual / limit))):
-                where = f"{side} {(records[0].inputs if side == 'input' else records[0].outputs)[i].name}"
-                times = float(level[k] / usual)
-                words = f"{where} has {times:.2g} times the rms of the other records: they are not the same experiment"
-                found.append(Fault(FaultKind.OTHER_LEVEL, words, where=where, record=int(k) + 1, size=times))
-    return found

@@ -68,15 +68,7 @@ def with_relations(found: list[Fault], records: Sequence[TimeRecord], period: in
     }:
         explained |= {FaultKind.DISTURBED}
     if FaultKind.EXCHANGED in kinds:
-        explained |= {FaultKind.NOISY_INPUT, FaultKind.DISTURBED, FaultKind.OTHER_LEVEL}
-    units = {(fault.record, fault.where) for fault in more if fault.kind is FaultKind.UNIT}
-    levels = [fault for fault in found if fault.kind is FaultKind.OTHER_LEVEL]
-    if units:  # of two records the level of either is unlike that of the other
-        explained |= (
-            {FaultKind.OTHER_LEVEL}
-            if all(one.where in {where for _, where in units} for one in levels)
-            else set[FaultKind]()
-        )
+        explained |= {FaultKind.NOISY_INPUT, FaultKind.DISTURBED}
     return more + [fault for fault in found if fault.kind not in explained]
 
 

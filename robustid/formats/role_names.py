@@ -48,6 +48,8 @@ def axis_role(name: str) -> str | None:
     kind = _AXES.get(base) or (known.get(unit.lower()) if not base else None)
     if kind is None and units.in_brackets(name)[1] and base:  # "H1 Magnitude [dB]"
         kind = _PARTS.get(base.split()[-1], "level" if base.split()[-1] in headings.LEVELS else None)
+    if len(base) == 1 and unit.lower() in units.OF_SIGNALS:
+        return None  # "F [N]" is a force
     if kind == "frequency":
         if not unit:
             return "omega" if base in _ANGULAR else UNSURE + kind

@@ -3,6 +3,7 @@
 import dataclasses
 import tomllib
 
+import control
 import numpy as np
 import pytest
 
@@ -250,6 +251,21 @@ def test_modes_are_those_of_a_fit_its_poles_at_one_integrators():
     for wrong, words in ((3.0, "pairs"), ([3.0], "pairs"), ("9:0.1", "pairs")):
         with pytest.raises(rid.errors.InputTypeError, match=words):
             modes.stated_modes(wrong)
+
+
+@pytest.mark.parametrize("dt", [None, 1e-3])
+def test_a_machine_that_is_free_to_move_gets_its_integrators(dt):
+    """A mass and a mode from 1 to 200 Hz, bounds of 5 %: beside the mode alone nothing that says anything holds the data."""
+    omega = 2 * np.pi * np.geomspace(1.0, 200.0, 60)
+    plant = control.tf([0.5], [1, 0, 0]) + control.tf([0.4], [1, 2 * 0.01 * 280, 280**2])
+    values = plant(1j * omega) if dt is None else plant.sample(dt)(np.exp(1j * omega * dt))
+    error = 0.03 * np.random.default_rng(0).uniform(0, 1, 60) * np.exp(1j * np.arange(60) ** 2)
+    frf = rid.FrequencyResponse(omega, values * (1 + error), bound="5%", dt=dt)
+    found = rid.identify_reduced(frf, worst_case=False, time_limit=60)
+    assert found.consistent
+    assert found.run_file.modes.integrators == 2
+    poles = found.reduction.model.poles()
+    assert np.sum(np.abs(poles - (dt is not None)) < 1e-9) == 2
 
 
 def test_integrators_and_real_poles_are_stated_in_keyword_and_run_file():

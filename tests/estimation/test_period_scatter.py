@@ -69,6 +69,12 @@ def test_sound_records_are_told_of_neither(many):
         assert told([record(recipe, rng) for _ in range(2)], "jitter", "feedback") == []
 
 
-def test_a_record_that_is_driven_harder_is_not_called_disturbed():
-    harder = of("one record harder driven", "clear")
-    assert {fault.kind for fault in rid.prepare.record_faults(harder, period=1000)} == {"other level"}
+def test_records_that_are_driven_harder_have_no_fault():
+    """A linear plant answers in proportion; the noise stays as it is."""
+    rng, sizes = np.random.default_rng(0), (5.0, 1.0)
+    made = []
+    for one, size in zip(ARM.periodic, sizes, strict=False):
+        noise = ARM.noise * rng.standard_normal(one.y.shape)
+        made.append(changed(one, u=size * one.u, y=size * one.y + noise))
+    assert len(made) == 2
+    assert rid.prepare.record_faults(made, period=1000) == ()

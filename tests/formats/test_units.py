@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from robustid import load
+from robustid import load, look
 from robustid.errors import InputError
 from robustid.formats.role_names import axis_role
 
@@ -191,6 +191,22 @@ def test_a_force_called_f_does_not_make_a_record_a_frequency_response(tmp_path):
     path = tmp_path / "record.csv"
     path.write_text("time,u,y,f\n0,1,2,3\n1,1,2,3\n")
     assert load(path).dt == 1
+
+
+def test_a_letter_of_another_unit_is_no_axis(tmp_path):
+    """A force F, a torque T: of a record with its time, the force is the input that is asked about."""
+    assert [axis_role(name) for name in ("F [N]", "T [Nm]", "f (V)")] == [None] * 3
+    assert [axis_role(name) for name in ("f [Hz]", "F [kHz]", "T [ms]", "w [rad/s]")] == [
+        "freq_hz",
+        "freq_hz",
+        "time",
+        "omega",
+    ]
+    path = tmp_path / "record.csv"
+    np.savetxt(path, np.c_[np.arange(50) / 1e3, np.ones((50, 2))], delimiter=",", header="t,F [N],x [m]", comments="")
+    found = look(path)
+    assert found.kind == "time"
+    assert dict(found.arguments) == {"fields": {"time": "t", "u": "F [N]", "y": "x [m]"}}
 
 
 def test_only_whole_words_are_units():

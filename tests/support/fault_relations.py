@@ -43,9 +43,7 @@ def _one_negative(clean, given, size, rng):
     return first(given, lambda r: changed(r, y=-r.y)) if len(given) > 1 else None
 
 
-@fault(
-    "one record in another unit", "periodic random", "unit, other level, other plant", (1000.0, 1.1, 1.0001), ("times",)
-)
+@fault("one record in another unit", "periodic random", "unit, other plant", (1000.0, 1.1, 1.0001), ("times",))
 def _one_unit(clean, given, size, rng):
     return first(given, lambda r: changed(r, y=size * r.y)) if len(given) > 1 else None
 
@@ -55,8 +53,3 @@ def _noisier(clean, given, size, rng):
     if len(given) < 2:
         return None
     return first(given, lambda r: changed(r, y=r.y + size * clean.noise * rng.standard_normal(r.y.shape)))
-
-
-@fault("one record harder driven", "periodic", "other level", (5.0, 1.6, 1.001))
-def _harder(clean, given, size, rng):
-    return first(given, lambda r: changed(r, u=size * r.u, y=size * r.y)) if len(given) > 1 else None

@@ -43,7 +43,7 @@ DOUBLED = (
 )
 FREE = (
     "integrators = {count}: the response rises towards low frequencies, and beside the modes alone no class that says anything"
-    " holds the data; beside {count} pole{s} at z = 1 one does."
+    " holds the data; beside {count} pole{s} at {place} one does."
 )
 FEWER = "One of {every} frequency points is used, the others test what is found: {why}."
 TOO_LARGE = (
@@ -271,7 +271,7 @@ def _suggested(
 def _with_integrators(
     run: RunFile, problem: MixedProblem, around: Surroundings
 ) -> tuple[RunFile, MixedProblem, PriorSuggestion] | None:
-    """The fewest poles at z = 1 beside the modes with which a class says something, as of a machine that is free to move."""
+    """The fewest integrators beside the modes with which a class says something, as of a machine that is free to move."""
     for count in missing_integrators(problem):
         modes = dataclasses.replace(run.modes, integrators=count)
         wider = dataclasses.replace(problem, parametric=basis_of(modes, problem.dt))
@@ -281,7 +281,7 @@ def _with_integrators(
         except InputError:  # functions that the samples can't tell apart
             continue
         if found.complete and says_something(wider, found):
-            words = FREE.format(count=count, s="s" * (count > 1))
+            words = FREE.format(count=count, s="s" * (count > 1), place=problem.plane.standstill)
             return run.changed("modes", integrators=count, note=f"{run.modes.note}\n{words}"), wider, found
     return None
 

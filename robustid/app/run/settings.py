@@ -187,7 +187,8 @@ class Modes:
     integrators: int = key(
         whole(0, 2),
         0,
-        help="Poles at z = 1 in the parametric part: 1 for an integrator (torque to speed), 2 for a rigid body (torque to angle).",
+        help="Poles at z = 1 (s = 0) in the parametric part: 1 for an integrator (torque to speed), 2 for a rigid body (torque to"
+        " angle).",
         flag="--integrators",
         keyword="integrators",
     )
