@@ -58,7 +58,8 @@ class Found(NamedTuple):
 class BestModels:
     """The best model `found` of each order that was tried, and how near to the bounds it comes; `fits` are the same in the
     coordinates of the samples. A model must keep to `limit`: 1, or of inconsistent data, once `widen` was called, their margin.
-    `chains` are the states of the integrators, `radius` is the largest modulus of a pole.
+    `chains` are the states of the integrators, `radius` is the largest modulus of a pole, `truncated` makes the balanced truncation
+    of an order of the identified model.
     """
 
     def __init__(self, identification: Identification, integrators: int, budget: Budget | None = None):
@@ -67,7 +68,8 @@ class BestModels:
         self.chains = integrators * self.samples.heads
         self._guard = Guard(identification, integrators, max(1.0, identification.margin))
         self._holding = False
-        self._families = pole_starts.truncations(identification, self.samples)
+        self.truncated = balanced_truncations(identification.model)
+        self._families = pole_starts.truncations(identification, self.samples, self.truncated)
         basis = identification.problem.parametric
         self._held = pole_starts.without_integrators(basis.poles if basis else np.zeros(0, complex), integrators)
         poles = pole_starts.without_integrators(identification.model.poles(), self.chains)
@@ -129,7 +131,7 @@ class BestModels:
         if fit is not None:
             yield pole_starts.statespace(self.samples, fit, self.identification.model)
         if self.samples.heads > 1 and not self.chains:
-            yield balanced_truncations(self.identification.model)(order).model
+            yield self.truncated(order).model
 
     def _stays(self, model: control.StateSpace) -> bool:
         """Tell whether a model stays near the identified one."""

@@ -13,7 +13,7 @@ from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import subspace_estimate
 from robustid.identification import Identification
-from robustid.reduction.balanced import balanced_truncations
+from robustid.reduction.balanced import Reduction, balanced_truncations
 from robustid.reduction.sample_fits import Fit, Functions, Pair, Poles, moved, pole_columns, pole_functions, with_poles
 from robustid.reduction.sample_map import SampleMap, Samples
 from robustid.reduction.smallest_maximum import orthonormal_columns
@@ -33,17 +33,18 @@ _REAL = 1e-12  # imaginary part of a real pole, from rounding
 _INSIDE = 1 - 1e-9  # a pole on the circle has no function that decays
 
 
-def truncations(identification: Identification, samples: SampleMap) -> list[Family]:
+def truncations(
+    identification: Identification, samples: SampleMap, truncated: Callable[[int], Reduction]
+) -> list[Family]:
     """Number of stable poles to the functions of truncated models: of the whole model; of one with the parametric part kept."""
     full, basis = identification.model, identification.problem.parametric
     chains = samples.integrators * samples.heads
-    whole = balanced_truncations(full)
 
     def of_whole(n: int) -> Pair | None:
         if n + chains > full.nstates:
             return None
         try:
-            model = whole(n + chains).model
+            model = truncated(n + chains).model
         except InputError:  # fewer than the unstable states
             return None
         return _without_chains(of_model(model.A, model.B, model.C, samples), samples.integrators)

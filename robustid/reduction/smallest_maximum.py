@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Complex, Real, lengths, singular_parts
-from robustid.identification.formulation import DenseDesign, DenseMap, SymmetricBall
+from robustid.identification.formulation import DenseDesign, NoBall
 from robustid.identification.solver import Cones, Limits, Program, path, start
 
 _RANK = 1e-12  # directions that the samples see less than this, relatively, are left alone
@@ -57,7 +57,7 @@ def smallest_maximum(
     ones, zeros = np.ones(cones.count), np.zeros(cones.count)
     limits = np.concatenate([zeros, np.ones(held.sum())]), np.concatenate([ones, np.zeros(held.sum())])
     program = Program(
-        SymmetricBall(DenseMap(np.zeros((0, 0, 0)))),
+        NoBall(),
         DenseDesign(rows, discs),
         cones.followed_by(int(held.sum())),
         np.concatenate([y, np.zeros(held.sum())]),

@@ -131,7 +131,7 @@ def reduce_within_bounds(
     image, plane = image_of(identification), identification.problem.plane
     integrators = _integrators(image, rigid_body)
     if _LOOK * image.order**2 > max(budget.left, _AFTER):
-        found = dataclasses.replace(_unreduced(image, {}), stopped=_stopped(_LATE))
+        found = dataclasses.replace(_unreduced(image, {}, balanced_truncations(image.model)), stopped=_stopped(_LATE))
     else:
         found = _Search(image, integrators, budget, band).reduction()
     kept = found.status is SearchStatus.UNREDUCED
@@ -297,9 +297,10 @@ class _Search:
             move_towards(self.models, order, self.band)
         tried = {k: found.judged for k, found in self.models.found.items()}
         if not self.models.within(order):
-            return _unreduced(identification, tried)
+            return _unreduced(identification, tried, self.models.truncated)
         _, margin, model = self.models.found[order]
-        return _reduction(identification, model, order, margin, np.inf, self._status(margin), tried)
+        whole = self.models.truncated(identification.order)
+        return _reduction(whole, model, order, margin, np.inf, self._status(margin), tried)
 
     def _status(self, margin: float) -> SearchStatus:
         if self.identification.consistent:
@@ -307,15 +308,17 @@ class _Search:
         return SearchStatus.OUTSIDE if margin <= 1 else SearchStatus.INFLATED
 
 
-def _unreduced(identification: Identification, tried: dict[int, float]) -> Reduction:
+def _unreduced(
+    identification: Identification, tried: dict[int, float], truncated: Callable[[int], Reduction]
+) -> Reduction:
     """The identified model itself, with its own free responses, not refitted ones: the residuals that identify verified."""
     margin, order = max(float(r.ratio.max()) for r in identification.residuals), identification.order
     known = tried | {order: margin}
-    return _reduction(identification, identification.model, order, margin, 0.0, SearchStatus.UNREDUCED, known)
+    return _reduction(truncated(order), identification.model, order, margin, 0.0, SearchStatus.UNREDUCED, known)
 
 
 def _reduction(
-    identification: Identification,
+    whole: Reduction,
     model: control.StateSpace,
     order: int,
     margin: float,
@@ -323,8 +326,7 @@ def _reduction(
     status: SearchStatus,
     tried: dict[int, float],
 ) -> Reduction:
-    """A model of an order, beside the Hankel singular values of the identified one."""
-    whole = balanced_truncations(identification.model)(identification.order)
+    """A model of an order, beside the Hankel singular values of the `whole` identified one."""
     return Reduction(
         model,
         order=order,

@@ -10,6 +10,7 @@ import robustid as rid
 from robustid.core import Budget, responses
 from robustid.fitting import FitStatus
 from robustid.identification import largest_ratio
+from robustid.reduction import balanced, hankel_singular_values
 from robustid.reduction.best_models import ResponseFits
 from robustid.reduction.pole_starts import of_model, statespace
 from robustid.reduction.sample_fits import least_squares, levelled, moves
@@ -149,3 +150,19 @@ def test_rigid_body_of_a_matrix_is_exact():
     problem = rid.MixedProblem(frequency=frf, prior=PRIOR, parametric=[basis, double])
     small = found_at(problem, truth, 6, rigid_body=rid.RigidBody(2))
     assert np.sum(small.model.poles() == 1) == 4
+
+
+def test_gramians_of_the_identified_model_are_computed_once_a_search(two_modes, monkeypatch):
+    """Its truncation is the same one at every order that is asked for."""
+    result = two_modes[2]
+    factored, plain = list[int](), balanced.gramian_factors
+
+    def counted(parts, **time):
+        factored.append(len(parts.a))
+        return plain(parts, **time)
+
+    monkeypatch.setattr(balanced, "gramian_factors", counted)
+    small = rid.reduce_within_bounds(result)
+    assert factored.count(result.order) == 1
+    assert small.order < result.order
+    np.testing.assert_allclose(small.hankel, hankel_singular_values(result.model), atol=1e-12 * small.hankel[0])

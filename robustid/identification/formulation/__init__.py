@@ -2,13 +2,13 @@
 
 from robustid.identification.entries import SINGLE, Entries
 from robustid.identification.formulation.assembly import initial_state, measured_entries
-from robustid.identification.formulation.ball import DenseMap, SymmetricBall
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate, formulate_in, formulate_over, lightest
 from robustid.identification.formulation.classical import ClassicalFormulation
 from robustid.identification.formulation.columns import DenseDesign
 from robustid.identification.formulation.convex import Candidate, ConvexData
 from robustid.identification.formulation.exact import QUICK_EXACT, ExactFormulation
+from robustid.identification.formulation.no_ball import NoBall
 from robustid.identification.formulation.parametric_rows import ToldApart, told_apart_functions
 from robustid.identification.formulation.parts import Part, parts_of
 from robustid.identification.formulation.rows import Rows, check_equations
@@ -24,15 +24,14 @@ __all__ = [
     "ClassicalFormulation",
     "ConvexData",
     "DenseDesign",
-    "DenseMap",
     "Entries",
     "ExactFormulation",
     "Formulation",
+    "NoBall",
     "Part",
     "Rows",
     "SarasonMap",
     "SectionsFormulation",
-    "SymmetricBall",
     "TaylorFormulation",
     "ToldApart",
     "check_equations",

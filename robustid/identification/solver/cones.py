@@ -55,7 +55,7 @@ class Cones:
     def inverse(self, s: Pair) -> Pair:
         """J s / det(s): s o s^-1 = (1, 0)."""
         gap = self.determinant(s)
-        return s[0] / gap, -s[1] / self.each(gap)
+        return s[0] / gap, s[1] * self.each(-1 / gap)
 
     def product(self, a: Pair, b: Pair) -> Pair:
         """A o b."""
@@ -64,15 +64,14 @@ class Cones:
     def divide(self, a: Pair, b: Pair) -> Pair:
         """The c with a o c = b."""
         first = (a[0] * b[0] - self.dot(a[1], b[1])) / self.determinant(a)
-        return first, (b[1] - self.each(first) * a[1]) / self.each(a[0])
+        return first, (b[1] - self.each(first) * a[1]) * self.each(1 / a[0])
 
     def longest_step(self, s: Pair, d: Pair) -> float:
         """Largest a for which s + a d stays in every cone."""
         A, B, C = d[0] ** 2 - self.size(d[1]) ** 2, s[0] * d[0] - self.dot(s[1], d[1]), self.determinant(s)
         # B^2 - AC >= 0 for s inside its cone: only rounding makes it negative.
         below = np.sqrt(np.maximum(B * B - A * C, 0)) - B
-        nearer = below > 0
-        return float((C[nearer] / below[nearer]).min(initial=np.inf))
+        return float(np.divide(C, below, out=np.full(below.size, np.inf), where=below > 0).min(initial=np.inf))
 
 
 class Scaling:
@@ -83,29 +82,28 @@ class Scaling:
 
     def __init__(self, cones: Cones, s: Pair, z: Pair):
         each, size_s, size_z = cones.each, np.sqrt(cones.determinant(s)), np.sqrt(cones.determinant(z))
-        a, b = (s[0] / size_s, s[1] / each(size_s)), (z[0] / size_z, z[1] / each(size_z))
+        a, b = (s[0] / size_s, s[1] * each(1 / size_s)), (z[0] / size_z, z[1] * each(1 / size_z))
         g = np.sqrt(2 * (1 + a[0] * b[0] + cones.dot(a[1], b[1])))
         self._cones = cones
-        self.w = (a[0] + b[0]) / g, (a[1] - b[1]) / each(g)
+        self.w = (a[0] + b[0]) / g, (a[1] - b[1]) * each(1 / g)
         self.squared = size_s / size_z
+        self._root = np.sqrt(self.squared)
         self.point = self.apply(z)
 
     def apply(self, d: Pair) -> Pair:
         """W d."""
-        root = np.sqrt(self.squared)
-        first, second = self._unit(d, 1.0)
-        return root * first, self._cones.each(root) * second
+        first, second = self._unit(d, self.w[1])
+        return self._root * first, self._cones.each(self._root) * second
 
     def solve(self, d: Pair) -> Pair:
         """W^-1 d."""
-        root = np.sqrt(self.squared)
-        first, second = self._unit(d, -1.0)
-        return first / root, second / self._cones.each(root)
+        first, second = self._unit(d, -self.w[1])
+        return first / self._root, second * self._cones.each(1 / self._root)
 
     def solve_twice(self, d: Pair) -> Pair:
         """W^-2 d."""
         along, each = 2 * (self.w[0] * d[0] - self._cones.dot(self.w[1], d[1])), self._cones.each
-        return (along * self.w[0] - d[0]) / self.squared, (d[1] - each(along) * self.w[1]) / each(self.squared)
+        return (along * self.w[0] - d[0]) / self.squared, (d[1] - each(along) * self.w[1]) * each(1 / self.squared)
 
     @property
     def curvature(self) -> tuple[Real, Numbers, Numbers | None]:
@@ -115,15 +113,14 @@ class Scaling:
         """
         squared, w, cone = self._cones.each(self.squared), self.w[1], self._cones.cone
         if cone is None:
-            return (1 + np.abs(w) ** 2) / squared, w.conj() ** 2 / squared, None
+            return (1 + np.abs(w) ** 2) / squared, w.conj() ** 2 * (1 / squared), None
         alone = np.bincount(cone)[cone] == 1
         a = np.where(alone, 1 + np.abs(w) ** 2, 1.0) / squared
         return a, np.where(alone, w.conj() ** 2, 0.0) / squared, np.where(alone, 0.0, w * np.sqrt(2 / squared))
 
-    def _unit(self, d: Pair, sign: float) -> Pair:
-        w1, each = sign * self.w[1], self._cones.each
+    def _unit(self, d: Pair, w1: Numbers) -> Pair:
         along = self._cones.dot(w1, d[1])
-        return self.w[0] * d[0] + along, w1 * each(d[0] + along / (1 + self.w[0])) + d[1]
+        return self.w[0] * d[0] + along, w1 * self._cones.each(d[0] + along / (1 + self.w[0])) + d[1]
 
 
 def longest_step(factor: Real, direction: Real, enough: float = np.inf, whole: Real | None = None) -> float:

@@ -112,7 +112,7 @@ class State:
         if program.cost is None:
             return out
         traces = program.limits.ball[1] * sum(map(np.trace, Z))
-        return np.append(out, (cost or 0.0) - traces - program.limits.reach[1] @ z[0])
+        return _followed_by(out, float((cost or 0.0) - traces - program.limits.reach[1] @ z[0]))
 
     def factorise(self) -> None:
         """The condensed Newton matrix G'W^-2 G + sum A_k*(Z_k A_k(.) S_k^-1), and its Cholesky factor at unit diagonal."""
@@ -156,15 +156,15 @@ class State:
             mixed = [_symmetric(Z @ inverse) for Z, inverse in zip(self.at.Z, self.inverse, strict=True)]
             column[:n] += slope * program.ball.adjoint(mixed)
             corner += slope**2 * sum(map(np.trace, mixed))
-        return np.block([[inside, column[:, None]], [column, corner]])
+        whole = np.empty((column.size + 1, column.size + 1))
+        whole[:-1, :-1], whole[-1, :-1], whole[:-1, -1], whole[-1, -1] = inside, column, column, corner
+        return whole
 
     def solve(self, right: Real) -> Real:
         """Newton system, with one step of iterative refinement."""
-        found = np.zeros_like(right)
-        for _ in range(2):
-            rest = right - self.matrix @ found
-            found = found + self.scale * self._solve(self.scale * rest)
-        return found
+        found = self.scale * self._solve(self.scale * right)
+        rest = right - self.matrix @ found
+        return found + self.scale * self._solve(self.scale * rest)
 
     def direction(self, target: list[Real], aim: Pair, gradient: Real | None = None) -> Direction:
         """DZ = target - sym(Z dS S^-1), dz = aim - W^-2 ds, and the dual equalities met by a full step.
@@ -188,7 +188,7 @@ class State:
     def affine(self) -> Direction:
         """Straight to complementarity zero: multipliers that leave the objective alone."""
         linear, cost = self.program.linear, self.program.cost
-        gradient = linear if cost is None else np.append(linear, cost)
+        gradient = linear if cost is None else _followed_by(linear, cost)
         return self.direction([-Z for Z in self.at.Z], (-self.at.z[0], -self.at.z[1]), gradient)
 
     def centring(self, mu: float, affine: Direction) -> Direction:
@@ -299,6 +299,12 @@ def _shifted(M: Real, radius: float) -> Real:
     """M + radius I, in the place of M."""
     M.flat[:: M.shape[0] + 1] += radius
     return M
+
+
+def _followed_by(v: Real, last: float) -> Real:
+    out = np.empty(v.size + 1)
+    out[:-1], out[-1] = v, last
+    return out
 
 
 def _size(v: Real) -> float:
