@@ -28,8 +28,9 @@ def window_means(power: np.ndarray, half: int) -> np.ndarray:
 def excited_lines(x: np.ndarray, half: int, last: int, least: int) -> np.ndarray:
     """Spectral lines where every signal of the excitation is there, 5000 at most.
 
-    In the window of each are at `least` so many excited lines, as many as a response has coefficients there: beside the last line
-    of a multisine one or two tell nothing of the lines that it leaves out.
+    In the window of each are at `least` so many excited lines of every signal, and of all experiments so many times the signals, as
+    many as a response has coefficients there: beside the last line of a multisine one or two tell nothing of the lines that it
+    leaves out.
     """
     peak = np.max(np.abs(x), axis=0)
     amplitude = np.sqrt(window_means(peak**2, half))
@@ -37,12 +38,15 @@ def excited_lines(x: np.ndarray, half: int, last: int, least: int) -> np.ndarray
     amplitude[0] = 0
     amplitude[last + 1 :] = 0
     near = _present(amplitude).size
-    amplitude[np.sum(around >= _EXCITED * amplitude[..., None], axis=2) < least] = 0
+    there = around >= _EXCITED * amplitude[..., None]
+    amplitude[np.sum(there, axis=2) < least] = 0
+    amplitude[len(x) * np.sum(np.any(there, axis=1), axis=1) < least * x.shape[2]] = 0
     index = _present(amplitude)
     if index.size < _FEW * near:
         raise InputError(
             f"`record` is excited on single spectral lines, of which {index.size} of {near} windows of {2 * half + 1} lines hold"
-            f" {least}, as many as a model of them needs: a periodic excitation has its `period`, which is to be given"
+            f" {least * x.shape[2]}, as many as a model of them needs: a periodic excitation needs its `period`, and as many"
+            " experiments as inputs"
         )
     if index.size == 0:
         raise InputError(

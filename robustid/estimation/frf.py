@@ -40,15 +40,17 @@ def estimate_frf(
     Periodic excitation: ``G = Y U^{-1}`` at every spectral line, Y (ny, nu) and U (nu, nu) the DFT of nu experiments side by
     side, averaged over the periods. Any other excitation: ``Y(k+r) = G(k+r) U(k+r) + T(k+r)``, G and the transient T rational
     with one denominator of order 2 over a few neighbouring lines r, so that neither leakage nor a resonance is smeared; beside
-    poles of all lines, which are found first.
+    poles of all lines, which are found first. So of the mean period where there are fewer periodic experiments than inputs, or
+    inputs that are excited at lines of their own.
 
     Parameters
     ----------
     record : TimeRecord or sequence of TimeRecord
         One experiment, or several with the same `dt`, signals and length. Periodic with nu inputs: each nu records in
         a row make a block (independent inputs, such as an orthogonal multisine); further blocks are further
-        realisations. Where every record has a `reference` (as many signals as inputs), it is taken as the excitation, and the
-        response is that from u to y in closed loop: the quotient of the responses to the reference.
+        realisations. One experiment may do, with random phases or lines in turn for the inputs. Where every record has a
+        `reference` (as many signals as inputs), it is taken as the excitation, and the response is that from u to y in closed
+        loop: the quotient of the responses to the reference.
     method : {"periodic", "local", "welch"}, optional
         Default: "periodic" where `period` is given, the records say ``initial="periodic"`` or each is of a blow that rings out,
         else "local". "welch" (Hann windows)
@@ -115,6 +117,11 @@ def estimate_frf(
     Lines that next to nothing excites, far from a sweep, have bounds that may be 1e9 times the response. Those whose bounds exceed
     3 times every response that is larger than its own bound are left out, and the note says so; `lines` that are given stay.
     So are lines that have no more than what others leak to them, as smooth over the lines as a transient: in short parts of sweeps.
+
+    Fewer periodic experiments than inputs, or inputs that no line excites together (1, 3, 5, ... and 2, 4, 6, ..., say). The mean
+    period of every experiment has the spectrum ``G U + T`` at the lines of the period, T being what its first state leaves, and
+    no period is left out; G is found by local models of these lines. So lines beside each other must show the resonances: modes
+    that lie between the same two lines may pass for one.
 
     Blows. The spectrum of a short input is as smooth over the lines as a transient: no window tells one from the other. Records
     that begin at rest and ring out are periods instead, one each. What still rings at the end is the same in all of them: with the

@@ -119,7 +119,12 @@ class NoiseFloor(Frozen):
         records = checked_records(record)
         for one in records:
             self._check(one)
-        samples = len(records[0].u)
+        samples, nu = len(records[0].u), records[0].u.shape[1]
+        if len(records) % nu:
+            raise InputError(
+                f"`record`: the noise is divided by what {nu} inputs hold in {nu} experiments, or a multiple of that; got"
+                f" {len(records)}"
+            )
         period = samples if period is None else as_count("period", period, least=2)
         index = self._lines(frf, samples, period)
         periods = min(samples, len(self.deviation)) // period
@@ -130,7 +135,7 @@ class NoiseFloor(Frozen):
             )
         peak, pool = _largest_nearby(dft(self._whole(periods * period)[None], periods * period), index * periods)
         spectra = dft(np.stack([r.u for r in records]), period)[:, :, index]
-        u = by_block(spectra, records[0].u.shape[1]).mean(axis=2)
+        u = by_block(spectra, nu).mean(axis=2)
         gain = np.abs(inverse_spectra(u, index, period, self.dt)).sum(axis=2).mean(axis=1)  # (F, nu)
         if frf.values.shape[1:] != (peak.shape[1], gain.shape[1]):
             raise InputError(

@@ -20,17 +20,18 @@ _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of 
 _TOLD = (
     0.3  # of the input whose sign turns half-way, that the input itself does not follow: both halves drive the plant
 )
-_SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
+SURE = 1e-5  # chance of any block of lines, in any entry, that halves differ so much: the model of a window is not all
 _LATE = ("time", "records")  # what is split in halves
 _FLAT = 1e-6  # smallest denominator, and square root of the smallest pivot
 _TINY = float(np.finfo(float).tiny)
+_TRIED, _MAX_CONDITION = 50, 1e6  # windows that are to tell the inputs apart, and of their equations
 _CHUNK = 2**22  # numbers in the largest array
 
 
-def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
+def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, int] | None = None) -> Estimate:
     """Fit ``Y = G U + T`` with ``G = N/D``, ``T = M/D``, ``D(0) = 1``, over a window around every line: see `estimate_frf`.
 
-    In closed loop the responses of u and y to the reference are fitted, and divided.
+    In closed loop the responses of u and y to the reference are fitted, and divided. Lines that are looked for stay in the band.
     """
     first = records[0]
     samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
@@ -38,13 +39,16 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     drives = np.stack([np.asarray(r.reference if loop else r.u) for r in records])
     answers = np.stack([np.hstack([r.y, r.u]) if loop else r.y for r in records])
     x, z = _spectra(drives), _spectra(answers)
-    half, last = _half(*drives.shape[::2]), (samples - 1) // 2  # the highest line that isn't real
+    half, last = half_window(*drives.shape[::2]), (samples - 1) // 2  # the highest line that isn't real
     if last < 2 * half + 1:
         raise InputError(
             f"`record` has {samples} samples: the local method needs {2 * (2 * half + 1) + 1} for {nu} inputs and"
             f" {len(records)} experiments; measure longer"
         )
     index = excited_lines(x, half, last, _ORDER + 1) if lines is None else checked_lines(lines, last)
+    if lines is None and band is not None:
+        index = index[(index >= band[0]) & (index <= band[1])]
+    _check_independent(x, index, half, last)
     dof = _spare(*drives.shape[::2])
     free = dof - (_ORDER + 1) * nu  # beside the changes of a window
     signs = _signs(*drives.shape[:2])[: None if free >= 1 else 0]
@@ -56,7 +60,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     shared = float(2 * half + 1)
     changes, modes = np.zeros(found.values.shape), list[ModeEnds]()
     for late, change, sure in zip(_LATE, found.change.swapaxes(0, 1), found.sure.swapaxes(0, 1), strict=False):
-        added = added_variance(2 * change, 2 * sure, free, chance=_SURE, shared=shared)
+        added = added_variance(2 * change, 2 * sure, free, chance=SURE, shared=shared)
         if np.any(added):
             apart, own = _apart(drives, answers, index, found.values, late)
             added, modes = np.maximum(added, np.where(sure > 0, apart, 0)), [*modes, *own]
@@ -92,6 +96,19 @@ def local(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     )
 
 
+def _check_independent(x: np.ndarray, index: np.ndarray, half: int, last: int) -> None:
+    """Refuse signals whose responses no window tells apart."""
+    if x.shape[2] == 1:
+        return
+    shared = _windows(x, index[:: -(-index.size // _TRIED)], half, last).shared
+    size = np.linalg.norm(shared, axis=1)
+    if np.linalg.cond(shared / np.where(size > 0, size, 1)[:, None]).min() > _MAX_CONDITION:
+        raise InputError(
+            f"`record`: the signals of the excitation are not independent in any window of {2 * half + 1} spectral lines, so that"
+            " nothing tells the responses to them apart; move the inputs by independent signals, or one at a time"
+        )
+
+
 def _signs(records: int, samples: int) -> np.ndarray:
     """-1 in the first half of the time, 1 in the second, of every record and of all together, (2 or 1, records, samples, 1)."""
     times = np.arange(records * samples).reshape(records, samples)
@@ -121,7 +138,7 @@ def _fitted(
     x: np.ndarray, z: np.ndarray, turned: np.ndarray, index: np.ndarray, samples: int, *, named: bool = False
 ) -> _Fitted:
     """Responses at lines, which need not be whole, by the poles of all lines and windows about what these leave."""
-    half, last = _half(*x.shape[::2]), (samples - 1) // 2
+    half, last = half_window(*x.shape[::2]), (samples - 1) // 2
     known = predicted(x, z, samples, index, last, named=named)
     chunk = max(1, _CHUNK // ((2 * half + 1) * len(x) * _unknowns(*x.shape[::2]) * 2))
 
@@ -153,13 +170,13 @@ def _apart(
     ends = slice(drives.shape[axis] // 2), slice(-(drives.shape[axis] // 2), None)
     halves = [[part[:, end] if axis else part[end] for part in (drives, answers)] for end in ends]
     shape, length = halves[0][0].shape[::2], halves[0][0].shape[1]
-    if (length - 1) // 2 < 2 * _half(*shape) + 1:
+    if (length - 1) // 2 < 2 * half_window(*shape) + 1:
         return np.zeros(values.shape), []
     at, none = index * (length / samples), np.zeros((0, *drives.shape))
     first, last = (_fitted(_spectra(drive), _spectra(answer), none, at, length, named=True) for drive, answer in halves)
     noise = np.mean([variances(one.of_noise, values.shape) + one.unsure for one in (first, last)], axis=0)
-    shared = (2 * _half(*shape) + 1) / (float(np.median(np.diff(at))) if at.size > 1 else 1.0)
-    seen = beyond_chance(last.values - first.values, noise, _spare(*shape), _SURE, shared)
+    shared = (2 * half_window(*shape) + 1) / (float(np.median(np.diff(at))) if at.size > 1 else 1.0)
+    seen = beyond_chance(last.values - first.values, noise, _spare(*shape), SURE, shared)
     square = np.mean([np.abs(one.values - values) ** 2 for one in (first, last)], axis=0)
     return np.where(seen, square, 0.0), [*first.modes, *last.modes]
 
@@ -174,14 +191,14 @@ def _unknowns(records: int, nx: int) -> int:
     return (_ORDER + 1) * (nx + records) + _ORDER
 
 
-def _half(records: int, nx: int) -> int:
+def half_window(records: int, nx: int) -> int:
     """Lines of a window on either side."""
     return int(max(-(-((_unknowns(records, nx) + _SPARE) / records - 1) // 2), _ORDER + 1))
 
 
 def _spare(records: int, nx: int) -> float:
     """Degrees of freedom of a window."""
-    return float(records * (2 * _half(records, nx) + 1) - _unknowns(records, nx))
+    return float(records * (2 * half_window(records, nx) + 1) - _unknowns(records, nx))
 
 
 class _Windows(NamedTuple):

@@ -14,6 +14,7 @@ from robustid.errors import InputError, Remedy
 from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.distortion import detected
 from robustid.estimation.estimate import Estimate
+from robustid.estimation.mean_periods import of_mean_periods
 from robustid.estimation.scatter import scattered
 
 _Spectra = dict[str, np.ndarray]  # of u, y and reference: (K, blocks, periods, signals, experiments)
@@ -41,23 +42,18 @@ def periodic(records: list[TimeRecord], period: int | None, lines: ArrayLike | N
             Remedy({"samples": (whole := samples // period * period)}, f"{whole} samples"),
             " or correct `period`",
         )
-    if len(records) % nu:
-        raise InputError(
-            f"`record`: {nu} inputs need {nu} experiments, or a multiple of that; got {len(records)}."
-            " One experiment can't tell the inputs apart"
-        )
+    loop = all(r.reference is not None for r in records)
+    driven = _driven(_spectra(records, "reference" if loop else "u", period).mean(axis=1), period)
+    if len(records) % nu or _in_turn(driven):
+        return of_mean_periods(records, period, lines, driven)
     if samples // period * len(records) // nu < 2:
         raise InputError(
             f"`record` holds one period of {period} samples for each of the {nu} experiments: nothing"
             " to estimate the noise from; give at least two periods (`period` in samples), or further"
             " realisations"
         )
-    loop = all(r.reference is not None for r in records)
-    spectra = {"u": _spectra(records, "u", period), "y": _spectra(records, "y", period)}
-    if loop:
-        spectra["reference"] = _spectra(records, "reference", period)
-    excitation = spectra["reference" if loop else "u"]
-    index = _excited(excitation.mean(axis=1), period) if lines is None else _checked_lines(lines, period)
+    spectra = {name: _spectra(records, name, period) for name in ("u", "y", *["reference"] * loop)}
+    index = _excited(driven) if lines is None else _checked_lines(lines, period)
     skipped, steady = transient_periods(np.concatenate([spectra["u"], spectra["y"]], axis=3), index)
     drifts = steady
     if all(r.initial == "periodic" for r in records):
@@ -182,13 +178,23 @@ def by_block(spectra: np.ndarray, nu: int) -> np.ndarray:
     return split.transpose(3, 0, 2, 4, 1)
 
 
-def _excited(spectra: np.ndarray, period: int) -> np.ndarray:
+def _driven(spectra: np.ndarray, period: int) -> np.ndarray:
+    """Lines (K, n) that signals of the excitation (R, K, n) drive."""
     amplitude = np.abs(spectra).max(axis=0)
     amplitude[0] = 0
     if period % 2 == 0:
         amplitude[-1] = 0
     largest = amplitude.max(axis=0)
-    index = np.flatnonzero(np.all(amplitude >= EXCITED * largest, axis=1) & np.all(largest > 0))
+    return (amplitude >= EXCITED * largest) & (largest > 0)
+
+
+def _in_turn(driven: np.ndarray) -> bool:
+    """Return whether every signal has lines, and no line all signals."""
+    return bool(np.all(np.any(driven, axis=0)) and not np.any(np.all(driven, axis=1)))
+
+
+def _excited(driven: np.ndarray) -> np.ndarray:
+    index = np.flatnonzero(np.all(driven, axis=1))
     if index.size == 0:
         raise InputError(
             "`record`: no spectral line is excited in every input; check the input signals, or give `lines`"

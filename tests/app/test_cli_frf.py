@@ -152,7 +152,7 @@ def test_nothing_is_overwritten_unless_forced(files, run):
         (["random.npz"], "random.npz: no 'time' found; give --dt"),
         (["random.npz", "--dt", "-1"], "--dt must be positive; got -1"),
         (["run1.csv", "run1.csv"], "run1.csv is given twice"),
-        (["run1.csv", "--period", "100"], "RECORD: 2 inputs need 2 experiments, or a multiple of that; got 1"),
+        (["run1.csv", "--period", "50"], "in fewer than 2 experiments, are told apart over 31 spectral lines"),
         (["run1.csv", "loop.npz"], "same shape of u"),
         (
             ["run1.csv", "run2.csv", "--period", "70"],

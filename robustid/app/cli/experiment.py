@@ -130,7 +130,8 @@ def frf(
         typer.Argument(
             metavar="RECORD...",
             help="Time records with inputs and outputs: .csv, .npz or .mat, one file an experiment; with nu inputs and periodic"
-            " excitation nu experiments, or a multiple of that, in order.",
+            " excitation nu experiments, or a multiple of that, in order; one where the inputs have lines in turn or"
+            " random phases.",
         ),
     ],
     how: Estimate,
