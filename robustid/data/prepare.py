@@ -9,7 +9,7 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Real, as_array, as_count, as_float, as_positive
 from robustid.data.time_record import TimeRecord
@@ -21,6 +21,7 @@ _UNIFORM = 1e-6  # relative difference of steps that are called the same
 # Of instants that were rounded: the unit of their last place at most, in steps, and in lengths of the record, of which it is the
 # error of the step; and most digits.
 _LAST_PLACE, _OF_LENGTH, _DIGITS = 0.1, 1e-5, 12
+_GAP, _FEW = 1.5, 100  # median steps from which on samples are missing; samples of a part that is worth a word
 _REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
 
@@ -275,10 +276,30 @@ def uniform_step(time: np.ndarray, samples: int) -> float:
         raise InputError("one sample gives no sample time; give `dt`")
     steps = np.diff(as_array("time", time))
     step = as_positive("time step", (time[-1] - time[0]) / (samples - 1))
-    if np.max(np.abs(steps - step)) > _UNIFORM * step and not _rounded(time, step):
-        k = int(np.argmax(np.abs(steps - np.median(steps))))
+    if not _is_uniform(time, step):
+        usual = float(np.median(steps))
+        k = int(np.argmax(np.abs(steps - usual)))
         raise InputError(
             f"the time is not uniform: from {time[k]:.9g} s (sample {k}) to {time[k + 1]:.9g} s the step is"
-            f" {steps[k]:.6g} s, the median step {np.median(steps):.6g} s; resample the record, or give `dt`"
+            f" {steps[k]:.6g} s, the median step {usual:.6g} s; {_without_gap(time, steps > _GAP * usual)}resample the record, or"
+            " give `dt`"
         )
     return float(step)
+
+
+def _is_uniform(time: Real, step: float) -> bool:
+    return bool(np.max(np.abs(np.diff(time) - step)) <= _UNIFORM * step) or _rounded(time, step)
+
+
+def _without_gap(time: Real, gap: NDArray[np.bool_]) -> str:
+    """Advice to use the longest stretch without a gap, where it is uniform; "" where there is none."""
+    ends = np.concatenate([[0], np.flatnonzero(gap) + 1, [time.size]])
+    k = int(np.argmax(np.diff(ends)))
+    first, end = ends[k : k + 2].tolist()
+    part = time[first:end]
+    if not gap.any() or part.size < _FEW or not _is_uniform(part, float(part[-1] - part[0]) / (part.size - 1)):
+        return ""
+    return (
+        f"samples are missing there; the longest part without a gap are the samples {first} to {end - 1}: name it by `fields`, as"
+        f" u[{first}:{end}], of the time and all signals, "
+    )

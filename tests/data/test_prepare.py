@@ -6,7 +6,7 @@ import pytest
 
 import robustid as rid
 from robustid.core import simulate
-from robustid.errors import InputTypeError
+from robustid.errors import InputError, InputTypeError
 from robustid.identification import model_residuals
 from support.refusals import refusals
 
@@ -281,3 +281,13 @@ test_what_is_no_record_is_refused = refusals(
     (lambda: rid.prepare.sample_time([0.0, 1.0, 2.0, 4.0, 5.0]), "the time is not uniform: from 2 s"),
     (lambda: rid.prepare.decimate(np.ones(3), 2), "TimeRecord", InputTypeError),
 )
+
+
+def test_of_instants_with_a_gap_the_longest_part_without_one_is_told():
+    time = np.delete(np.arange(500) / 7, slice(120, 140))
+    with pytest.raises(InputError, match=r"longest part without a gap are the samples 120 to 479: .* u\[120:480\]"):
+        rid.prepare.sample_time(time)
+    assert rid.prepare.sample_time(time[120:480]) == pytest.approx(1 / 7)
+    time[130:] += 1e-3 * np.sin(np.arange(350))  # jitter in what is left: no part is uniform
+    with pytest.raises(InputError, match="s; resample the record"):
+        rid.prepare.sample_time(time)
