@@ -20,7 +20,7 @@ class NoBall(Ball):
         return []
 
     def adjoint(self, Z: list[Real]) -> Real:
-        """Of no unknown."""
+        """No unknown, no number."""
         return np.zeros(0)
 
     def times(self, x: Real, M: list[Real]) -> list[Real]:
@@ -28,11 +28,11 @@ class NoBall(Ball):
         return []
 
     def curvature(self, pairs: Pairs) -> Real:
-        """Of no unknown."""
+        """No unknown, no number."""
         return np.zeros((0, 0))
 
     def multiplier(self, Z: list[Real]) -> Real:
-        """Of no matrix."""
+        """A multiplier of no size."""
         return np.zeros((0, 0))
 
     def inequalities(self, X: Real, H: Real, turned: Callable[[Real], Real]) -> Inequalities:
