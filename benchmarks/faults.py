@@ -1,7 +1,7 @@
 """Catalogue of faults: which are named, with which correction, and what clean data are told; a table for the documentation.
 
 Run: OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/faults.py [--plants stage arm ...] [--only "spike (random)" ...]
-     [--clean 200] [--csv docs/recorded/faults.csv]
+     [--clean 200] [--short 1000] [--csv docs/recorded/faults.csv]
      OPENBLAS_NUM_THREADS=1 ROBUSTID_DATA=... python benchmarks/faults.py --runs [--told 20]
 """
 
@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent / "tests")]
 
 from support.fault_judge import STRENGTHS, catalogue, faulty_of, found_faults, judged  # noqa: E402
-from support.fault_plants import MEASURED, SIMULATED, measured, simulated  # noqa: E402
+from support.fault_plants import MEASURED, SIMULATED, measured, short, simulated  # noqa: E402
 from support.fault_runs import of_clean, ran  # noqa: E402
 
 
@@ -28,6 +28,7 @@ def main():
     parser.add_argument("--only", nargs="*")
     parser.add_argument("--strengths", nargs="*", default=STRENGTHS)
     parser.add_argument("--clean", type=int, default=5, help="seeds of clean data")
+    parser.add_argument("--short", type=int, default=20, help="clean short records")
     parser.add_argument("--csv", type=Path, help="the table as the documentation shows it")
     parser.add_argument("--runs", action="store_true", help="whole runs of what nothing is told, and of clean data")
     parser.add_argument("--told", type=int, default=0, help="whole runs of so many that are told of a fault, too")
@@ -89,6 +90,21 @@ def clean_data(arguments, plants):
         for one in found_faults(plants[plant]):
             print(f"    measured {plant}: {one}")
     print(f"clean: {told['told']} of {told['clean']} sets told of a fault")
+    short_records(arguments.short)
+
+
+def short_records(count):
+    """What clean short records are told."""
+    drawn, told = Counter(), Counter()
+    for seed in range(count):
+        clean = short(seed)
+        found = found_faults(clean)
+        drawn[clean.name] += 1
+        told[clean.name] += bool(found)
+        for one in found:
+            print(f"    {clean.name}, seed {seed}: {one}", flush=True)
+    for name, number in drawn.items():
+        print(f"{name}: {told[name]} of {number} records told of a fault")
 
 
 def whole_runs(arguments, plants):

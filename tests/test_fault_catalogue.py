@@ -6,7 +6,7 @@ import pytest
 
 from support.cases import slow
 from support.fault_judge import STRENGTHS, catalogue, found_faults, judged
-from support.fault_plants import MEASURED, SIMULATED, measured, simulated
+from support.fault_plants import MEASURED, SIMULATED, measured, short, simulated
 from support.measured import realdata
 
 NAMED = 0.95  # of all clear faults
@@ -48,3 +48,9 @@ def test_on_all_plants_nearly_all_clear_faults_are_named(plants):
 def test_clean_measurements_are_told_nothing(plants, seeds):
     told = [(name, seed, found) for seed in seeds for name in plants if (found := found_faults(simulated(name, seed)))]
     assert len(told) <= TOLD * len(seeds) * len(plants), told
+
+
+@pytest.mark.parametrize("seeds", [range(15), slow(range(300))])
+def test_clean_short_records_are_told_nothing(seeds):
+    told = [(clean.name, seed, found) for seed in seeds if (found := found_faults(clean := short(seed)))]
+    assert len(told) <= TOLD * len(seeds), told

@@ -8,6 +8,7 @@ import robustid as rid
 import support.fault_relations
 import support.fault_responses
 import support.fault_samples  # noqa: F401  # they enter theirs in the catalogue
+from robustid.estimation import delay_fault
 from support.fault_catalogue import CATALOGUE, STRENGTHS, Faulty
 
 __all__ = ["CATALOGUE", "STRENGTHS", "Judged", "catalogue", "faulty_of", "found_faults", "judged", "of_faulty"]
@@ -64,11 +65,13 @@ def judged(fault, clean, strength):
 
 def found_faults(clean):
     """What clean measurements are told."""
-    found = list(rid.prepare.record_faults(clean.periodic, period=clean.period))
+    found = list(rid.prepare.record_faults(clean.periodic, period=clean.period)) if clean.periodic else []
     if clean.random:
         found += rid.prepare.record_faults(clean.random)
     if clean.response is not None:
         found += rid.prepare.response_faults(clean.response)
+        # Of a plant without a delay; the heater has one, which is asked about.
+        found += [] if clean.periodic or (late := delay_fault(clean.response, False, True)) is None else [late]
     if clean.step is not None:
         found += rid.prepare.record_faults(clean.step)
         found += rid.prepare.experiment_faults(clean.response, clean.step)

@@ -1,7 +1,7 @@
 """Plants of the catalogue of faults, with clean measurements of each: periodic, random, a step from rest, and a response.
 
 Four are simulated: a stage (one light mode), an arm (three), a heater (two real poles and a delay), a matrix (2x2, three modes).
-Two are measured: the motor bench and the mirror.
+Two are measured: the motor bench and the mirror. Short records are of a plant of their own each.
 """
 
 import dataclasses
@@ -160,6 +160,28 @@ def _simulated(name, seed):
     return Clean(
         name, recipe.period, noise, periodic, records(recipe, rng, kind="random"), step(recipe, rng), response, recipe.plant
     )  # fmt: skip
+
+
+@functools.lru_cache(maxsize=16)
+def short(seed):
+    """A clean short record of one or two well damped modes from rest, moved by noise, a chirp or a step, and its response."""
+    rng = np.random.default_rng([seed, *map(ord, "short")])
+    samples, count = int(rng.integers(100, 251)), int(rng.integers(1, 3))
+    modes = list(zip(np.exp(rng.uniform(*np.log([0.02, 0.3]), count)), rng.uniform(0.03, 0.3, count), strict=True))
+    plant = modal(
+        modes, np.ones((count, 1)), rng.choice([-1.0, 1.0], (count, 1)) * rng.uniform(0.3, 1, (count, 1)), 1.0, 1.0
+    )
+    time, moved = np.arange(samples), ("noise", "chirp", "step")[seed % 3]
+    u = {
+        "noise": rng.standard_normal(samples),
+        "chirp": np.sin(2 * np.pi * (0.01 * time + 0.22 * time**2 / samples)),
+        "step": (time >= rng.integers(2, samples // 5)).astype(float),
+    }[moved]
+    y = answer(plant, u[:, None])
+    noise = float(np.exp(rng.uniform(*np.log([0.003, 0.05]))) * y.std())
+    found = rid.TimeRecord(u, y + noise * rng.standard_normal(y.shape), dt=plant.dt, initial="rest")
+    response = None if moved == "step" else rid.estimate_frf(found)
+    return Clean(f"short, {moved}", 0, noise, (), (found,), response=response, plant=plant)
 
 
 def measured(name):
