@@ -25,6 +25,7 @@ from robustid.core import (
     as_array,
     as_float,
     bilinear_in_z,
+    counted,
     freeze,
     points_of,
     response_at,
@@ -107,12 +108,14 @@ def entries_of(structure: tuple[Factor, ...] | Matrix, shape: tuple[int, int]) -
     if not isinstance(structure, Matrix):
         if ny != nu:
             raise InputError(
-                f"`structure` must be a Matrix for {ny} outputs and {nu} inputs: factors alone are one loop to each output"
+                f"`structure` must be a Matrix for {counted(ny, 'output')} and {counted(nu, 'input')}: factors alone"
+                " are one loop to each output"
             )
         return [(k, k, structure) for k in range(ny)]
     if structure.shape != (nu, ny):
         raise InputError(
-            f"`structure` must be from the {ny} outputs of the plant to its {nu} inputs, {nu} rows of {ny} entries; got"
+            f"`structure` must be from the {counted(ny, 'output')} of the plant to its {counted(nu, 'input')}, {nu}"
+            f" rows of {counted(ny, 'entry')}; got"
             f" {structure.shape[0]} rows of {structure.shape[1]}"
         )
     return [

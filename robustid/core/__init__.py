@@ -95,7 +95,16 @@ from robustid.core.validation import (
     as_positive,
     as_signals,
 )
-from robustid.core.wording import hz_scale, hz_span, hz_words, in_short, rounded_down, rounded_up, telling_digits
+from robustid.core.wording import (
+    counted,
+    hz_scale,
+    hz_span,
+    hz_words,
+    in_short,
+    rounded_down,
+    rounded_up,
+    telling_digits,
+)
 from robustid.core.workers import Workers, worker_pool
 
 __all__ = [
@@ -146,6 +155,7 @@ __all__ = [
     "bilinear_in_s",
     "bilinear_in_z",
     "closed_loop",
+    "counted",
     "decay_of",
     "decoupled_fit",
     "decoupled_parts",

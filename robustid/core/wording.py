@@ -55,6 +55,12 @@ def _rounded(value: float, rounding: str, digits: int) -> float:
     return float(decimal.Context(prec=digits, rounding=rounding).create_decimal_from_float(value))
 
 
+def counted(count: int, noun: str) -> str:
+    """Count things in words: "1 sample", "2 entries"."""
+    ending = "" if count == 1 else "s"
+    return f"{count} {noun[:-1]}ies" if ending and noun.endswith("y") else f"{count} {noun}{ending}"
+
+
 def in_short(words: str) -> tuple[str, str]:
     """Split a text into its first sentence and the rest of it."""
     first, *rest = _SENTENCE_END.split(words, maxsplit=1)

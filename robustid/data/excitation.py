@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, Progress, Savable, as_array, as_count, as_flag, as_positive, freeze, hz_span
+from robustid.core import Frozen, Progress, Savable, as_array, as_count, as_flag, as_positive, counted, freeze, hz_span
 from robustid.data.multisines import chosen_lines, given_lines, low_crest_phases, random_phases, synthesise
 from robustid.errors import InputError
 
@@ -64,10 +64,10 @@ class Excitation(Frozen, Savable):
 
     def __repr__(self) -> str:
         experiments, period, inputs = self.u.shape
-        band = f"{self.lines.size} spectral lines from {hz_span(self.freq_hz[0], self.freq_hz[-1], 4)}"
+        band = f"{counted(self.lines.size, 'spectral line')} from {hz_span(self.freq_hz[0], self.freq_hz[-1], 4)}"
         return (
-            f"<Excitation: {experiments} experiments, {inputs} inputs, {band}, {self.periods} x {period} samples,"
-            f" dt={self.dt:.6g} s>"
+            f"<Excitation: {counted(experiments, 'experiment')}, {counted(inputs, 'input')}, {band},"
+            f" {self.periods} x {period} samples, dt={self.dt:.6g} s>"
         )
 
     @property

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import ByValue, Frozen, Savable, Signal, as_array, as_positive, hz_words
+from robustid.core import ByValue, Frozen, Savable, Signal, as_array, as_positive, counted, hz_words
 from robustid.data.bound import Bound, Points
 from robustid.data.bound_checks import in_part
 from robustid.errors import InputError, InputTypeError, Remedy
@@ -58,9 +58,11 @@ class FrequencyPoints(ByValue, Frozen, Savable):
         try:
             index: NDArray[np.intp] = np.atleast_1d(np.asarray(np.arange(self.omega.size)[points], dtype=np.intp))
         except IndexError as error:
-            raise InputError(f"`points` doesn't select from {self.omega.size} frequency points: {error}") from None
+            raise InputError(
+                f"`points` doesn't select from {counted(self.omega.size, 'frequency point')}: {error}"
+            ) from None
         if index.size == 0:
-            raise InputError(f"`points` selects none of the {self.omega.size} frequency points")
+            raise InputError(f"`points` selects none of the {counted(self.omega.size, 'frequency point')}")
         arrays = {name: array[index] for name in self.PER_POINT if (array := getattr(self, name)) is not None}
         return self._with(bound=None if self.bound is None else self.bound.select(index), **arrays)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_array, as_flag, as_float, as_positive, as_signals, freeze, hz_span, numbered
+from robustid.core import as_array, as_flag, as_float, as_positive, as_signals, counted, freeze, hz_span, numbered
 from robustid.data.bound import Bound
 from robustid.data.bound_checks import as_probability, in_part
 from robustid.data.error_sets import ellipse_of, joint_radius, variances
@@ -149,7 +149,7 @@ class FrequencyResponse(ResponseParts, Drawable):
 
     def __repr__(self) -> str:
         parts = [
-            f"{self.omega.size} frequency points, {hz_span(*self.freq_hz[[0, -1]].tolist())}",
+            f"{counted(self.omega.size, 'frequency point')}, {hz_span(*self.freq_hz[[0, -1]].tolist())}",
             f"{len(self.outputs)}x{len(self.inputs)}",
         ]
         if self.bound is not None:
@@ -321,8 +321,8 @@ class FrequencyResponse(ResponseParts, Drawable):
         """
         if self.values.shape[1:] != (1, 1):
             raise InputError(
-                f"`with_ellipses` takes one entry at a time; this response has {len(self.outputs)} outputs and"
-                f" {len(self.inputs)} inputs. Pick one entry with .entry(output, input)"
+                f"`with_ellipses` takes one entry at a time; this response has {counted(len(self.outputs), 'output')} and"
+                f" {counted(len(self.inputs), 'input')}. Pick one entry with .entry(output, input)"
             )
         radius, tilt = ellipse_of(covariance, self.omega.size, as_positive("deviations", deviations))
         return self.with_bound(Bound(radius, tilt=tilt, kind="confidence"), note or self.note)
@@ -348,7 +348,7 @@ class FrequencyResponse(ResponseParts, Drawable):
         radius = radius * np.sqrt(variances(self.covariance, self.values.shape))
         excitations = None if self.bound is None else self.bound.excitations
         bound = Bound(radius, kind="confidence", probability=probability, dof=self.dof, excitations=excitations)
-        return self.with_bound(bound, f"{self.omega.size} frequency points, from the covariance")
+        return self.with_bound(bound, f"{counted(self.omega.size, 'frequency point')}, from the covariance")
 
     @classmethod
     def from_control(cls, frd: Any, **options: Any) -> FrequencyResponse:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from robustid.core import as_array, as_signals, freeze, hz_span
+from robustid.core import as_array, as_signals, counted, freeze, hz_span
 from robustid.data.bound import Bound
 from robustid.data.frequency_points import FrequencyPoints, as_note, as_points, check_measured
 from robustid.errors import InputError
@@ -111,7 +111,7 @@ class TangentialResponse(FrequencyPoints):
         points, sensors, directions = self.values.shape
         plant = f"{len(self.outputs)}x{len(self.inputs)}"
         parts = [
-            f"{points} frequency points, {hz_span(low, high)}",
+            f"{counted(points, 'frequency point')}, {hz_span(low, high)}",
             f"{sensors} sensor{'s' * (sensors != 1)}",
             f"{directions} direction{'s' * (directions != 1)} of a {plant} plant",
         ]

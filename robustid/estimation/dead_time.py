@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Real, counted
 from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation.pole_fit import PoleFit
 
@@ -56,7 +56,8 @@ def delay_fault(frf: FrequencyResponse, read: bool, held: bool = False) -> Fault
     samples, of = max(found.values()), f"output{'s' * (len(found) > 1)} {', '.join(names[i] for i in found)}"
     verb, seconds = "answers" if len(found) == 1 else "answer", samples * frf.dt
     words = (
-        f"{of} {verb} about {samples} samples ({seconds:.4g} s) late, and nobody stated a delay: it is the plant's, or a channel"
+        f"{of} {verb} about {counted(samples, 'sample')} ({seconds:.4g} s) late, and nobody stated a delay: it is the"
+        " plant's, or a channel"
         " comes late"
     )
     evidence = (
@@ -73,7 +74,7 @@ def _early(each: dict[int, int], names: list[str], read: bool) -> Fault:
     samples, which = max(each.values()), [names[i] for i in each if each[i]]
     of = f"output{'s' * (len(which) > 1)} {', '.join(which)}"
     verb = "comes" if len(which) == 1 else "come"
-    words = f"{of} {verb} {samples} samples before what the input can cause: no stable plant does that"
+    words = f"{of} {verb} {counted(samples, 'sample')} before what the input can cause: no stable plant does that"
     evidence = "fewer poles describe the response ahead of its input, which is held between samples, than behind it"
     correction = f"delay {samples}" if len(set(each.values())) == 1 else ""
     return Fault(FaultKind.LATE, words, evidence, correction, "" if read else of, size=-float(samples))

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, as_array, as_count, as_flag, as_float, as_kind, as_positive, as_state_space, freeze
+from robustid.core import (
+    Frozen,
+    as_array,
+    as_count,
+    as_flag,
+    as_float,
+    as_kind,
+    as_positive,
+    as_state_space,
+    counted,
+    freeze,
+)
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, InputTypeError
 from robustid.estimation.pole_fit import PoleFit, Refined
@@ -123,7 +134,8 @@ def estimate_delay(
         order = as_count("order", order, least=1)
     if fit.unknowns(order or 1) >= 2 * fit.samples:
         raise InputError(
-            f"`frf` has {frf.omega.size} frequency points, too few for a delay and {order or 1} poles; give more frequency points"
+            f"`frf` has {counted(frf.omega.size, 'frequency point')}, too few for a delay and"
+            f" {counted(order or 1, 'pole')}; give more frequency points"
         )
     if order is not None:
         return _result(fit, order, *_at_order(fit, order, searched))
@@ -141,7 +153,7 @@ def estimate_delay(
 def _search_grid(frf: FrequencyResponse, longest: float | None) -> np.ndarray:
     highest = frf.omega[-1]
     if frf.omega.size < 2 or highest == frf.omega[0]:
-        raise InputError(f"`frf` has {frf.omega.size} frequency points; a delay needs several frequencies")
+        raise InputError(f"`frf` has {counted(frf.omega.size, 'frequency point')}; a delay needs several frequencies")
     spacing = float(np.median(np.diff(np.unique(frf.omega))))
     if longest is None:
         longest = min(_LONGEST * np.pi / highest, np.pi / spacing)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Real, as_kind
+from robustid.core import Real, as_kind, counted
 from robustid.data import Fault, FaultKind, FrequencyResponse, TimeRecord, as_frequency_response, as_records
 from robustid.errors import InputError
 from robustid.estimation.default_bound import estimate_bound
@@ -64,7 +64,7 @@ def experiment_faults(frf: FrequencyResponse, record: TimeRecord | Sequence[Time
         as_kind("record", one, TimeRecord, "a TimeRecord")
         if (one.y.shape[1], one.u.shape[1]) != frf.values.shape[1:]:
             raise InputError(
-                f"`record` has {one.y.shape[1]} outputs and {one.u.shape[1]} inputs, the response is"
+                f"`record` has {counted(one.y.shape[1], 'output')} and {counted(one.u.shape[1], 'input')}, the response is"
                 f" {frf.values.shape[1]}x{frf.values.shape[2]}; give records of the same signals"
             )
     radius = _radius(frf)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import as_count, one_thread
+from robustid.core import as_count, counted, one_thread
 from robustid.data import FrequencyResponse, TimeRecord, as_probability, as_records
 from robustid.errors import InputError, Remedy
 from robustid.estimation.blows import are_blows, with_ringing
@@ -225,7 +225,8 @@ def _finished(
         silent = silent_lines(estimate.values, found.radius)
         if estimate.driven is not None:
             silent |= ~estimate.driven
-    left_out = f"; {silent.sum()} more are left out, which next to nothing excites"
+    gone = int(silent.sum())
+    left_out = f"; {gone} more {'is' if gone == 1 else 'are'} left out, which next to nothing excites"
     response = FrequencyResponse(
         estimate.step * estimate.index,
         estimate.values,
@@ -234,7 +235,7 @@ def _finished(
         dt=first.dt,
         inputs=first.inputs,
         outputs=first.outputs,
-        note=f"{np.sum(~silent)} frequency points, {estimate.source}{left_out if np.any(silent) else ''}",
+        note=f"{counted(int(np.sum(~silent)), 'frequency point')}, {estimate.source}{left_out if np.any(silent) else ''}",
         dof=found.dof,
         coherence=estimate.coherence,
         noise=estimate.noise,

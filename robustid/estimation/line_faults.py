@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Real, hz_words
+from robustid.core import Real, counted, hz_words
 from robustid.data import Fault, FaultKind, FrequencyResponse
 from robustid.estimation.axis_parts import Jump, jump, unexcited
 from robustid.estimation.corrections import leaving_out, written_hz
@@ -251,7 +251,7 @@ def _noise_words(frf: FrequencyResponse, low: int, high: int) -> list[Fault]:
         if frf.bound is not None:
             share = float(np.median(frf.bound.outer_radius[part] / np.maximum(size, np.finfo(float).tiny)))
             bound = f", while their bounds are {100 * share:.2g} % of their size"
-        words = f"nothing excited the {len(size)} frequency points {side} {hz_words(hz, 6)}"
+        words = f"nothing excited the {counted(len(size), 'frequency point')} {side} {hz_words(hz, 6)}"
         evidence = f"their values are unrelated from one to the next, as noise is{bound}"
         found.append(Fault(FaultKind.NOISE_ONLY, words, evidence, f"leave out {side} {hz:.10g}", size=float(len(size))))
     return found

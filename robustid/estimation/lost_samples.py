@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Real, counted
 from robustid.data import Fault, FaultKind
 from robustid.estimation.innovations import Predictors, filtered
 from robustid.estimation.stretch import LONG
@@ -85,9 +85,10 @@ def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
         return None
     if _best_shift(w, v, slice(at, at + beside), lags)[0] != shift:
         return None
-    what = f"{shift} samples are missing" if shift > 0 else f"{-shift} samples were put in"
+    many, one = counted(abs(shift), "sample"), abs(shift) == 1
+    what = f"{many} {'is' if one else 'are'} missing" if shift > 0 else f"{many} {'was' if one else 'were'} put in"
     words = (
-        f"{where}: {what} at about sample {at}: from there on it comes {abs(shift)} samples too"
+        f"{where}: {what} at about sample {at}: from there on it comes {many} too"
         f" {'early' if shift > 0 else 'late'}; use the part before it or after it as a record of its own, or measure again"
     )
     return Fault(FaultKind.LOST, words, where=where, size=float(shift))

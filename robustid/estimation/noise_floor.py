@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Frozen, Signal, as_array, as_count, as_float, as_kind, freeze
+from robustid.core import Frozen, Signal, as_array, as_count, as_float, as_kind, counted, freeze
 from robustid.data import Bound, FrequencyResponse, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation.frf import checked_records
@@ -139,7 +139,8 @@ class NoiseFloor(Frozen):
         gain = np.abs(inverse_spectra(u, index, period, self.dt)).sum(axis=2).mean(axis=1)  # (F, nu)
         if frf.values.shape[1:] != (peak.shape[1], gain.shape[1]):
             raise InputError(
-                f"`frf` has values of shape {frf.values.shape}, the records {peak.shape[1]} outputs and {gain.shape[1]} inputs"
+                f"`frf` has values of shape {frf.values.shape}, the records {counted(peak.shape[1], 'output')} and"
+                f" {counted(gain.shape[1], 'input')}"
             )
         radius = self.factor * peak[:, :, None] * gain[:, None, :]
         bound = Bound(radius, kind="noise_floor", excitations=len(records) // gain.shape[1])
@@ -177,7 +178,8 @@ class NoiseFloor(Frozen):
             )
         if record.y.shape[1] != len(self.outputs) or record.u.shape[1] != self.input_size.size:
             raise InputError(
-                f"`record` has {record.y.shape[1]} outputs and {record.u.shape[1]} inputs, the noise-floor record"
+                f"`record` has {counted(record.y.shape[1], 'output')} and {counted(record.u.shape[1], 'input')}, the"
+                " noise-floor record"
                 f" {len(self.outputs)} and {self.input_size.size}"
             )
         moved = np.abs(record.u).max(axis=0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import hz_words
+from robustid.core import counted, hz_words
 from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
@@ -42,8 +42,9 @@ def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, i
     half, last = half_window(*drives.shape[::2]), (samples - 1) // 2  # the highest line that isn't real
     if last < 2 * half + 1:
         raise InputError(
-            f"`record` has {samples} samples: the local method needs {2 * (2 * half + 1) + 1} for {nu} inputs and"
-            f" {len(records)} experiments; measure longer"
+            f"`record` has {counted(samples, 'sample')}: the local method needs {2 * (2 * half + 1) + 1} for"
+            f" {counted(nu, 'input')} and"
+            f" {counted(len(records), 'experiment')}; measure longer"
         )
     index = excited_lines(x, half, last, _ORDER + 1) if lines is None else checked_lines(lines, last)
     if lines is None and band is not None:

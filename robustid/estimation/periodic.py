@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
-from robustid.core import Real, as_array, as_count
+from robustid.core import Real, as_array, as_count, counted
 from robustid.data import Caveat, TimeRecord, stacked
 from robustid.errors import InputError, Remedy
 from robustid.estimation.changes import CHANGED, added_variance
@@ -48,7 +48,7 @@ def periodic(records: list[TimeRecord], period: int | None, lines: ArrayLike | N
         return of_mean_periods(records, period, lines, driven)
     if samples // period * len(records) // nu < 2:
         raise InputError(
-            f"`record` holds one period of {period} samples for each of the {nu} experiments: nothing"
+            f"`record` holds one period of {counted(period, 'sample')} for each of the {counted(nu, 'experiment')}: nothing"
             " to estimate the noise from; give at least two periods (`period` in samples), or further"
             " realisations"
         )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, counted
 from robustid.data import Fault, FaultKind, TimeRecord
 from robustid.estimation.innovations import own_continuation
 from robustid.estimation.record_model import Fitted, Piece, predictions_with, without_transient
@@ -251,7 +251,7 @@ def _placed(signals: list[Signals], base: Fitted, records: Sequence[TimeRecord],
     far = with_.part < min(least, without.part) / _EARLY and without.part > LEAST / 10
     if not (far or _simpler(with_, without)):
         return []
-    words = f"{where} comes at least {count} samples after its input: a delay, which costs a model an order for every sample"
+    words = f"{where} comes at least {counted(count, 'sample')} after its input: a delay, which costs a model an order a sample"
     evidence = f"with it a model leaves {percent(with_.part)}, without it {percent(without.part)}"
     return [Fault(FaultKind.LATE, words, evidence, f"advance {count}", where, 0, float(count))]
 

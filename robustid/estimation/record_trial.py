@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Real
+from robustid.core import Real, counted
 from robustid.data import FaultKind, TimeRecord
 from robustid.estimation.inside_band import band_sequences
 from robustid.estimation.record_model import scaled_solution
@@ -265,7 +265,7 @@ class RecordTrial:
             moved = all_[most - shift : most - shift + total]
             left = self._left(self.y, Predicted(moved[:, 0], moved[:, 1:]))
             word, correction = ("much", "advance") if shift > 0 else ("little", "delay")
-            words = f"by the response there are {abs(shift)} samples of delay too {word} in {{where}}"
+            words = f"by the response there are {counted(abs(shift), 'sample')} of delay too {word} in {{where}}"
             found.append(Remedy(FaultKind.LATE, words, f"{correction} {abs(shift)}", float(shift), 1, left))
         return found
 

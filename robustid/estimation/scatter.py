@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Real, counted
 from robustid.data import joint_radius, stacked, variances
 from robustid.estimation.distortion import Distortion
 from robustid.estimation.pooling import Pool, exceeds, pool, pooled_words
@@ -107,7 +107,7 @@ def scattered(
     shared = pool(total, found.dof, found.size, index, between)
     shared = shared._replace(dof=1 / (1 / shared.dof + _common(between, shared, found.dof) / found.dof))
     single = found._replace(turned=np.sqrt(blocks) * found.turned)
-    words = f"{blocks} blocks of experiments ({periods} periods each){pooled_words(shared.lines)}"
+    words = f"{counted(blocks, 'block')} of experiments ({counted(periods, 'period')} each){pooled_words(shared.lines)}"
     if periods == 1:
         changing = _changing(shared, None, blocks, single, values.shape)
         return Scatter(found.covariance(shared.matrix), shared.dof, words, changing, None, None)

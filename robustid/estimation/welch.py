@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import hz_words
+from robustid.core import counted, hz_words
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
 from robustid.estimation.estimate import Estimate, pooled
@@ -28,7 +28,9 @@ def welch(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
     # Half-overlapping Hann windows: averages worth 1/(1 + 2/36) of independent ones (Welch 1967).
     dof = int(count / (1 + 2 / 36 * (1 - 1 / _SEGMENTS))) - nu
     if length < 16 or dof < 1:
-        raise InputError(f"`record` has {samples} samples, too few for {_SEGMENTS} segments with {nu} inputs")
+        raise InputError(
+            f"`record` has {counted(samples, 'sample')}, too few for {_SEGMENTS} segments with {counted(nu, 'input')}"
+        )
     parts = {name: _segments(records, name, length) for name in ("u", "y")}
     x = _segments(records, "reference", length) if loop else parts["u"]
     z = np.concatenate([parts["y"], parts["u"]], axis=2) if loop else parts["y"]

@@ -19,6 +19,7 @@ from robustid.core import (
     StateMatrices,
     Unfinished,
     as_flag,
+    counted,
     one_thread,
 )
 from robustid.data import FrequencyResponse, as_frequency_response
@@ -159,7 +160,8 @@ class MatrixFraction(Frozen, Drawable, Modes, Savable):
         domain = "continuous" if fraction.dt is None else f"dt={fraction.dt:.6g} s"
         return (
             f"<MatrixFraction: order {len(fraction.A)}{states}, {ny}x{nu}, {domain}, {'stable' if self.stable else 'unstable'};"
-            f" cost {self.cost:.6g} on {points} frequency points, {self.status.name.lower()} after {len(self.history)} steps>"
+            f" cost {self.cost:.6g} on {counted(points, 'frequency point')}, {self.status.name.lower()} after"
+            f" {counted(len(self.history), 'step')}>"
         )
 
 

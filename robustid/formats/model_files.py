@@ -18,6 +18,7 @@ from robustid.core import (
     as_float,
     as_signals,
     atomic_write,
+    counted,
     exponents_of,
     hz_words,
     labels_of,
@@ -62,7 +63,10 @@ class StoredModel(Frozen):
     def words(self) -> str:
         """Its size and its least damped modes."""
         A, _, _, D = self.matrices
-        size = f"a model of {len(A)} states, {D.shape[0]} outputs and {D.shape[1]} inputs, {time_words(self.dt)}"
+        size = (
+            f"a model of {counted(len(A), 'state')}, {counted(D.shape[0], 'output')} and"
+            f" {counted(D.shape[1], 'input')}, {time_words(self.dt)}"
+        )
         if len(self.signals) == 2:
             size += f", from {', '.join(self.signals['inputs'])} to {', '.join(self.signals['outputs'])}"
         if not 0 < len(A) <= _SEEN_STATES:
@@ -280,7 +284,9 @@ def of_roots(zeros: np.ndarray, poles: np.ndarray, gain: float) -> StateMatrices
     """
     zeros, poles = (np.asarray(part, dtype=complex).reshape(-1) for part in (zeros, poles))
     if zeros.size > poles.size:
-        raise InputError(f"there are {zeros.size} zeros and {poles.size} poles; a model is proper")
+        raise InputError(
+            f"there are {counted(zeros.size, 'zero')} and {counted(poles.size, 'pole')}; a model is proper"
+        )
     n = _checked_order(poles.size)
     A, B, seen, through = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((1, n)), float(gain)
     left, at = _sections("zeros", zeros), 0

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Complex, Real, as_array, freeze, scaled_states
+from robustid.core import Complex, Real, as_array, counted, freeze, scaled_states
 from robustid.errors import InputError
 from robustid.guarantees.value_set import norm_of_bounds
 from robustid.identification import check_model
@@ -181,7 +181,8 @@ def as_bounds(plant: control.StateSpace, edges: ArrayLike, bound: ArrayLike) -> 
     names = [structure_of(one, size) for one in bounds]
     if len(set(names)) < len(names):
         raise InputError(
-            f"`bound` must hold one bound of each structure; got {', '.join(names)} for a model of {size[0]} outputs and {size[1]}"
+            f"`bound` must hold one bound of each structure; got {', '.join(names)} for a model of"
+            f" {counted(size[0], 'output')} and {size[1]}"
             " inputs. Where two of the same structure hold, take the smaller one on every cell"
         )
     if "entry" in names:

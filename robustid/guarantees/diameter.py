@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robustid.core import Frozen, Progress, Real, as_kind, freeze, hz_words
+from robustid.core import Frozen, Progress, Real, as_kind, counted, freeze, hz_words
 from robustid.guarantees.worst_case import worst_case_error
 from robustid.guarantees.worst_case_result import WorstCaseError
 from robustid.identification import MixedProblem, check_gain, identify
@@ -51,7 +51,7 @@ class Diameter(Frozen):
         return self.error.verify()
 
     def __repr__(self) -> str:
-        return f"<Diameter: {self.omega.size} frequencies, largest {self.upper.max():.4g}>"
+        return f"<Diameter: {counted(self.omega.size, 'frequency')}, largest {self.upper.max():.4g}>"
 
     def summary(self) -> str:
         """The result in plain text."""
@@ -59,7 +59,7 @@ class Diameter(Frozen):
         return "\n".join(
             [
                 f"diameter   whatever is measured, two consistent systems differ by at most {self.upper.max():.4g} at"
-                f" {self.omega.size} frequencies",
+                f" {counted(self.omega.size, 'frequency')}",
                 f"worst      {hz_words(self.omega[k] / (2 * np.pi))} (zero data attain {self.lower[k, *entry]:.4g})",
                 "meaning    no model and no method can guarantee less than half of the attained value for every outcome",
             ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from robustid.core import Plane, Real, Unfinished, freeze, hz_span, rounded_up
+from robustid.core import Plane, Real, Unfinished, counted, freeze, hz_span, rounded_up
 from robustid.guarantees.circle import CircleBound, union_of_circles
 from robustid.guarantees.common_nominal import Centres, centres_of
 from robustid.guarantees.member import Member, called_otherwise, otherwise_words
@@ -243,7 +243,8 @@ class Family(WorstCase):
 
     def __repr__(self) -> str:
         return (
-            f"<Family: {len(self.members)} members, {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g},"
+            f"<Family: {counted(len(self.members), 'member')}, {counted(self.omega.size, 'frequency')}, largest"
+            f" {self.sigma_upper.max():.4g},"
             f" nominal of order {self.model.nstates}>"
         )
 
@@ -258,7 +259,7 @@ class Family(WorstCase):
         """The result in plain text."""
         lines = [
             f"guarantee  every system consistent with the data of any of {len(self.members)} members is within"
-            f" {self.sigma_upper.max():.4g} of the nominal at {self.omega.size} frequencies{self.scope}"
+            f" {self.sigma_upper.max():.4g} of the nominal at {counted(self.omega.size, 'frequency')}{self.scope}"
             f" (median {self.relative.words})",
             f"nominal    order {self.model.nstates}; its band is at most {(self.upper / self.centres.radius).max():.3g} times the"
             " smallest disc that holds all members",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Frozen, Real, StateMatrices, freeze, is_well_posed, poles_of, responses
+from robustid.core import Frozen, Real, StateMatrices, counted, freeze, is_well_posed, poles_of, responses
 from robustid.errors import InputError, InputTypeError
 from robustid.guarantees.band import band
 from robustid.guarantees.band_result import Band
@@ -143,7 +143,8 @@ def check_pair(source: Side, load: Side) -> float:
     ny, nu = source.model.noutputs, source.model.ninputs
     if (load.model.ninputs, load.model.noutputs) != (ny, nu):
         raise InputError(
-            f"`load` must have {ny} inputs and {nu} outputs, those of `source` reversed (an admittance beside an impedance);"
+            f"`load` must have {counted(ny, 'input')} and {counted(nu, 'output')}, those of `source` reversed (an"
+            " admittance beside an impedance);"
             f" got {load.model.ninputs} and {load.model.noutputs}"
         )
     if not is_well_posed(*(StateMatrices.of(side.model) for side in (source, load))):

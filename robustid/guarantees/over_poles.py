@@ -17,6 +17,7 @@ from robustid.core import (
     as_count,
     as_kind,
     as_positive,
+    counted,
     freeze,
     hz_span,
     hz_words,
@@ -168,7 +169,7 @@ class WorstCaseOverPoles(WorstCase):
 
     def __repr__(self) -> str:
         return (
-            f"<WorstCaseOverPoles: {self.omega.size} frequencies, {len(self.cells)} cells of poles left,"
+            f"<WorstCaseOverPoles: {counted(self.omega.size, 'frequency')}, {counted(len(self.cells), 'cell')} of poles left,"
             f" {len(self.refuted)} refuted>"
         )
 
@@ -195,7 +196,9 @@ class WorstCaseOverPoles(WorstCase):
             lines.append("norm       largest singular value of F - model, from the bounds of its entries")
             if known.all():
                 lines.append(f"entry      at most {self.upper.max():.4g}{which(problem, (output, input))}")
-        lines.append(f"poles      {len(self.cells)} cells may contain them, {len(self.refuted)} are proved not to")
+        lines.append(
+            f"poles      {counted(len(self.cells), 'cell')} may contain them, {len(self.refuted)} are proved not to"
+        )
         stated = self.box.omega, self.box.damping
         for number, (w, d, *whole) in enumerate(zip(*self.poles, *stated, strict=True), start=1):
             lines.append(f"mode {number}     {_interval(w, d)}; the box: {_interval(*whole)}")

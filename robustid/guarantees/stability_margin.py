@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Frozen, Real, freeze, one_thread
+from robustid.core import Frozen, Real, counted, freeze, one_thread
 from robustid.errors import InputError
 from robustid.figures import Drawable
 from robustid.guarantees.bilinear import Image
@@ -247,7 +247,8 @@ def _check_controller(controller: control.StateSpace, plant: control.StateSpace)
     system = check_model("controller", controller)
     if (system.noutputs, system.ninputs) != (plant.ninputs, plant.noutputs):
         raise InputError(
-            f"`controller` must have {plant.noutputs} inputs and {plant.ninputs} outputs, those of `nominal` reversed;"
+            f"`controller` must have {counted(plant.noutputs, 'input')} and {counted(plant.ninputs, 'output')}, those"
+            " of `nominal` reversed;"
             f" got {system.ninputs} and {system.noutputs}"
         )
     if system.nstates and system.dt != plant.dt:

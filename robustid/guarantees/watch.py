@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from robustid.core import StateMatrices, as_kind
+from robustid.core import StateMatrices, as_kind, counted
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.guarantees.coverage import coverage, on_lines
@@ -101,7 +101,8 @@ def _controller(controller: control.StateSpace | None, discs: ResponseDiscs) -> 
     if matrices.D.shape != (inputs, outputs):
         size = "{} x {}".format(*matrices.D.shape)
         raise InputError(
-            f"`controller` is {size}; for a band of {outputs} outputs and {inputs} inputs it is {inputs} x {outputs}",
+            f"`controller` is {size}; for a band of {counted(outputs, 'output')} and {counted(inputs, 'input')} it is"
+            f" {inputs} x {outputs}",
             argument="controller",
         )
     if dt is not None and abs(float(dt) - discs.dt) > 1e-9 * discs.dt:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Real, Source, Tabular, freeze, hz_words, rounded_up, threads_for
+from robustid.core import Real, Source, Tabular, counted, freeze, hz_words, rounded_up, threads_for
 from robustid.errors import InputError
 from robustid.guarantees.circle import LARGEST, CircleBound, ModelError, refine, supported
 from robustid.guarantees.consistent_set import ConsistentSet, Sample, consistent_set, which
@@ -224,7 +224,7 @@ class WorstCaseError(WorstCase, Tabular):
         return f"Its time limit, or Ctrl-C, ended the sweep: {count} frequencies are bounded, nothing is said of the others."
 
     def __repr__(self) -> str:
-        return f"<WorstCaseError: {self.omega.size} frequencies, largest {self.sigma_upper.max():.4g}>"
+        return f"<WorstCaseError: {counted(self.omega.size, 'frequency')}, largest {self.sigma_upper.max():.4g}>"
 
     def summary(self) -> str:
         """The result in plain text."""

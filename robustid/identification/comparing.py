@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import hz_span, one_thread
+from robustid.core import counted, hz_span, one_thread
 from robustid.data import (
     SAME_FREQUENCY,
     FrequencyResponse,
@@ -123,7 +123,9 @@ def _is_response(one: object) -> bool:
 def _in_common(first: FrequencyResponse, second: FrequencyResponse) -> list[FrequencyResponse]:
     """Both at the frequencies that both have, once each."""
     if first.values.shape[1:] != second.values.shape[1:]:
-        sizes = [f"{len(one.outputs)} outputs and {len(one.inputs)} inputs" for one in (first, second)]
+        sizes = [
+            f"{counted(len(one.outputs), 'output')} and {counted(len(one.inputs), 'input')}" for one in (first, second)
+        ]
         raise InputError(f"`a` and `b` must have the same signals; got {sizes[0]}, and {sizes[1]}")
     for one, other in zip((*first.outputs, *first.inputs), (*second.outputs, *second.inputs), strict=True):
         if one.unit and other.unit and one.unit != other.unit:

@@ -21,6 +21,7 @@ from robustid.core import (
     Real,
     StateMatrices,
     closed_loop,
+    counted,
     decay_of,
     exchanged,
     inverse,
@@ -108,7 +109,9 @@ class Loop(Frozen):
             auxiliary, other = as_system("auxiliary", self.auxiliary)
         if auxiliary.D.shape != (ny, nu):
             got = " x ".join(map(str, auxiliary.D.shape))
-            raise InputError(f"`auxiliary` must have {ny} outputs and {nu} inputs, as the controller says; got {got}")
+            raise InputError(
+                f"`auxiliary` must have {counted(ny, 'output')} and {counted(nu, 'input')}, as the controller says; got {got}"
+            )
         if dt is not None and other is not None and not np.isclose(float(dt), float(other), rtol=_SAME_TIME, atol=0.0):
             raise InputError(f"`auxiliary` must have the sample time of the controller, {dt:g} s; got {other:g} s")
         time = next((one for one in (dt, other, getattr(self.controller, "dt", None)) if one is not None), None)
@@ -187,7 +190,7 @@ class Loop(Frozen):
         nu, ny = self.shape
         if system.D.shape != (nu, ny):
             got = " x ".join(map(str, system.D.shape))
-            raise InputError(f"`controller` must have {nu} outputs and {ny} inputs; got {got}")
+            raise InputError(f"`controller` must have {counted(nu, 'output')} and {counted(ny, 'input')}; got {got}")
         if dt is not None:
             self._check_time(float(dt), "controller")
         return system

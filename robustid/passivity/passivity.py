@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Frozen, Real, StateMatrices, as_float, hz_words, scaled_states, threads_for
+from robustid.core import Frozen, Real, StateMatrices, as_float, counted, hz_words, scaled_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 from robustid.passivity.passivity_certificate import (
@@ -170,8 +170,8 @@ def check_passive_input(model: control.StateSpace, kind: str, decay: float = 0.0
         )
     if given.noutputs != given.ninputs:
         raise InputError(
-            f"`model` must have as many outputs as inputs, one pair a port; got {given.noutputs} outputs and"
-            f" {given.ninputs} inputs"
+            f"`model` must have as many outputs as inputs, one pair a port; got {counted(given.noutputs, 'output')} and"
+            f" {counted(given.ninputs, 'input')}"
         )
     A, _, _ = scaled_states(np.asarray(given.A, dtype=float), given.B, given.C)
     poles, stable = is_stable(A + decay * np.eye(given.nstates), 0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in_s, input_states, threads_for
+from robustid.core import Complex, Numbers, Response, StateMatrices, bilinear_in_s, counted, input_states, threads_for
 from robustid.errors import InputError
 from robustid.identification import check_model
 from robustid.reduction.gramians import split
@@ -63,7 +63,8 @@ def hinf_error(model: control.StateSpace, reduced: control.StateSpace) -> PeakEr
     first, second = check_model("model", model), check_model("reduced", reduced)
     if (first.noutputs, first.ninputs) != (second.noutputs, second.ninputs):
         raise InputError(
-            f"`reduced` must have the {first.noutputs} outputs and {first.ninputs} inputs of `model`; got {second.noutputs}"
+            f"`reduced` must have the {counted(first.noutputs, 'output')} and {counted(first.ninputs, 'input')} of"
+            f" `model`; got {second.noutputs}"
             f" and {second.ninputs}"
         )
     if first.nstates and second.nstates and first.dt != second.dt:

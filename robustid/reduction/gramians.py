@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, as_array, as_positive, balancing, scaled_states
+from robustid.core import Complex, Real, as_array, as_positive, balancing, counted, scaled_states
 from robustid.errors import InputError
 from robustid.identification import check_model, describe_poles
 
@@ -268,7 +268,7 @@ def _weighted_factors(parts: Parts, model: control.StateSpace, weight: control.S
     outputs = model.noutputs
     if weight.ninputs not in {1, outputs} or (weight.ninputs == 1 and weight.noutputs > 1 < outputs):
         raise InputError(
-            f"`weight` must be SISO, or have the {outputs} outputs of `model` as its inputs; got {weight.noutputs} x"
+            f"`weight` must be SISO, or have the {counted(outputs, 'output')} of `model` as its inputs; got {weight.noutputs} x"
             f" {weight.ninputs}"
         )
     if weight.nstates and model.nstates and weight.dt != model.dt:

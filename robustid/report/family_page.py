@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from robustid.core import Complex, Real
+from robustid.core import Complex, Real, counted
 from robustid.errors import InputError
 from robustid.guarantees import Coverage, Family, WorstCaseOverPoles
 from robustid.report.charts import (
@@ -256,7 +256,7 @@ def _entry_chart(family: Family, entry: tuple[int, int], fine: np.ndarray, curve
     reach = np.interp(np.log(fine / HZ), np.log(hz), upper)
     span = magnitude_range(float((curve + reach).max()), [float(np.quantile(curve, 0.02))])
     band = Layer(
-        f"band of the family ({hz.size} frequencies)",
+        f"band of the family ({counted(hz.size, 'frequency')})",
         fine / HZ,
         np.maximum(curve, span[0]),
         FURTHER[3],

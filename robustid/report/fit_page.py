@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.core import counted
 from robustid.data import expected_feedthrough
 from robustid.fitting import FitStatus, MatrixFraction, ModeRow
 from robustid.report.charts import Chart, first_panel
@@ -192,7 +193,7 @@ def summary_rows(view: FitView) -> list[tuple[str, str]]:
     fit = view.fit
     points = int(np.sum(np.any(view.used, axis=(1, 2))))
     hz = view.omega / HZ
-    data = f"{points} frequency points, {in_hz_span(hz[0], hz[-1], 4)}; {view.ny} × {view.nu} (outputs × inputs)"
+    data = f"{counted(points, 'frequency point')}, {in_hz_span(hz[0], hz[-1], 4)}; {view.ny} × {view.nu} (outputs × inputs)"
     if points < view.omega.size:
         data += f"; {view.omega.size - points} further points have no weight"
     domain = "s" if view.dt is None else f"z, sample time {number(view.dt, 6)} s"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Signal, StateMatrices, Unfinished, as_kind, as_signals, points_of, response_at
+from robustid.core import Signal, StateMatrices, Unfinished, as_kind, as_signals, counted, points_of, response_at
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError
 from robustid.fitting import FitCovariance, FitStatus, MatrixFraction, ModeRow, OrderSweep, fit_covariance, mode_table
@@ -46,8 +46,9 @@ class FitView:
         same = np.array_equal(self.data.omega, self.omega) and np.array_equal(measured, self.values)
         if not same:
             raise InputError(
-                f"`data` must be the response that was fitted, {self.omega.size} frequency points of {self.ny} outputs and"
-                f" {self.nu} inputs; got other numbers, {self.data.values.shape}"
+                f"`data` must be the response that was fitted, {counted(self.omega.size, 'frequency point')} of"
+                f" {counted(self.ny, 'output')} and"
+                f" {counted(self.nu, 'input')}; got other numbers, {self.data.values.shape}"
             )
 
     def _oriented(self, array: np.ndarray) -> np.ndarray:

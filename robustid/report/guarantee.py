@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robustid.core import Real
+from robustid.core import Real, counted
 from robustid.guarantees import WorstCaseError
 from robustid.identification import Identification
 from robustid.report.assumptions import CAUTION
@@ -130,7 +130,8 @@ def guarantee_rows(error: WorstCaseError) -> list[tuple[str, str]]:
         ),
         (
             "Tested",
-            f"That the assumptions and all {identification.problem.samples} samples don’t contradict each other (see the margin);"
+            f"That the assumptions and all {counted(identification.problem.samples, 'sample')} don’t contradict each"
+            " other (see the margin);"
             " that every bound follows from its certificate; that the systems said to reach an error keep every sample within"
             " its bound.",
         ),
@@ -278,7 +279,7 @@ def _with_range(error: WorstCaseError, chart: Chart, entry: tuple[int, int], nam
     nominal = error.nominal.reshape(error.upper.shape)[place]
     sizes, angles = (part.reshape(*error.upper.shape, 2)[place] for part in (error.magnitude, error.phase))
     bottom, top = magnitude.y.range or (0.0, 1.0)
-    words = f"guaranteed range ({error.omega.size} frequencies)"
+    words = f"guaranteed range ({counted(error.omega.size, 'frequency')})"
     areas = band_around(words, named(magnitude, name), at, sizes - np.abs(nominal)[:, None], bottom)
     span = bottom, max(top, 1.2 * float(sizes.max(initial=0.0)))
     turns = band_around(words, named(phase, name), at, _turns(angles, nominal))
@@ -299,7 +300,7 @@ def worst_case_sigma_chart(error: WorstCaseError) -> Chart:
     # No singular value moves by more than the largest one of what is added.
     offsets = error.sigma_upper[proved, None] * np.array([-1.0, 1.0])
     bottom, top = panel.y.range or (0.0, 1.0)
-    words = f"guaranteed range of σmax ({error.omega.size} frequencies)"
+    words = f"guaranteed range of σmax ({counted(error.omega.size, 'frequency')})"
     areas = band_around(words, named(panel, name), error.omega[proved] / HZ, offsets, bottom)
     span = bottom, max(top, *(1.2 * float(area.high.max()) for area in areas if area.high is not None))
     errors = _error_panel(error, panel.x, None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robustid.core import Source, Unfinished
+from robustid.core import Source, Unfinished, counted
 from robustid.errors import Status
 from robustid.guarantees import Band
 from robustid.identification import Identification
@@ -205,7 +205,7 @@ def _overview(identification: Identification, reduction: Reduction | None) -> li
     rows = [("Consistency margin", margin_interval(identification)), ("", margin_words(identification))]
     measured = experiments(identification)
     rows += [
-        (row.name, f"{row.of}: {row.samples} samples, {row.span}, {row.bound} (source: {row.source})")
+        (row.name, f"{row.of}: {counted(row.samples, 'sample')}, {row.span}, {row.bound} (source: {row.source})")
         for row in measured[:_MOST_EXPERIMENTS]
     ]
     if (more := len(measured) - _MOST_EXPERIMENTS) > 0:
@@ -253,8 +253,8 @@ def _said(identification: Identification) -> tuple[str, str, str]:
     prior = identification.choices.get("prior")
     blame = _NO_CLASS[prior.source] if prior is not None and prior.in_place else _BLAME
     sentences = {
-        Status.CONSISTENT: f"A system of the assumed class keeps all {count} samples within their bounds.",
-        Status.INCONSISTENT: f"It is proved that no system of the assumed class keeps all {count} samples within"
+        Status.CONSISTENT: f"A system of the assumed class keeps all {counted(count, 'sample')} within their bounds.",
+        Status.INCONSISTENT: f"It is proved that no system of the assumed class keeps all {counted(count, 'sample')} within"
         f" their bounds: {blame}.",
         Status.UNDECIDED: "The proven interval of the margin contains 1: "
         + ("more time narrows it." if identification.claim.stopped else "ask for a smaller `accuracy`."),

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from robustid.core import counted
 from robustid.guarantees import Band, Interconnection, InterconnectionStatus
 from robustid.identification import describe_poles
 from robustid.report.charts import ALERT, FINE, FURTHER, NOMINAL, Axis, Chart, Layer, Panel, first_panel
@@ -216,9 +217,11 @@ def _sides(result: Interconnection) -> list[tuple[str, str]]:
         problem = getattr(side, "problem", None)
         if isinstance(side, Band) and problem is not None:
             at = in_hz_span(float(side.omega.min()) / HZ, float(side.omega.max()) / HZ)
-            rows.append((name, f"A band from {problem.samples} samples, {at}, about a model of order {side.order}."))
+            rows.append(
+                (name, f"A band from {counted(problem.samples, 'sample')}, {at}, about a model of order {side.order}.")
+            )
         elif problem is not None:
-            rows.append((name, f"A worst-case error from {problem.samples} samples."))
+            rows.append((name, f"A worst-case error from {counted(problem.samples, 'sample')}."))
         else:
             rows.append((name, f"Known without error: a model of order {getattr(side, 'nstates', 0)}."))
     both = "Both are stable standing alone; what their bands assume: class, poles, bounds of the samples."

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robustid.core import counted
 from robustid.data import FrequencyResponse
 from robustid.errors import Status
 from robustid.guarantees import Band, Sample, SampleCheck, WorstCaseError, largest_error
@@ -167,7 +168,7 @@ def _at_frequencies(error: WorstCaseError, magnitude: Panel, phase: Panel, below
     ]
     proved = error.omega > 0  # a logarithmic axis has no 0
     low, high = np.maximum(error.magnitude[proved].T, (magnitude.y.range or (0.0, 1.0))[0])
-    name = f"guaranteed range ({error.omega.size} frequencies, poles taken as exact)"
+    name = f"guaranteed range ({counted(error.omega.size, 'frequency')}, poles taken as exact)"
     middle = np.clip(np.abs(error.nominal[proved]), low, high)
     at = error.omega[proved] / HZ
     bars = Layer(name, at, middle, FURTHER[0], marker="line-ew-open", low=low, high=high, size=2.0)

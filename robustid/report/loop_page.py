@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from robustid.core import counted
 from robustid.guarantees import LoopBounds, LoopStatus
 from robustid.report.charts import first_panel
 from robustid.report.data_faults import shown_faults
@@ -136,6 +137,7 @@ def loop_stands_on(bounds: LoopBounds) -> str:
     count = int(np.sum(band.bounded))
     between = f", nothing is from {band.open_words}" if band.open_ranges else ", and all between and beyond them"
     return (
-        f"A band of {who}{law}: {band.problem.samples} samples; {count} of {band.omega.size} frequencies of its table from {low} to"
+        f"A band of {who}{law}: {counted(band.problem.samples, 'sample')}; {count} of"
+        f" {counted(band.omega.size, 'frequency')} of its table from {low} to"
         f" {high} Hz are bounded{between}{poles}."
     )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import as_kind, fingerprint
+from robustid.core import as_kind, counted, fingerprint
 from robustid.errors import InputError
 from robustid.guarantees import Band, Peak, WorstCaseError, in_box, largest_error, norm_of_bounds, real_poles
 from robustid.identification import Identification
@@ -110,7 +110,7 @@ def stands_on(band: Band, error: WorstCaseError | None) -> str:
         return band.narrowing_words and f"{band.narrowing_words}."
     words = band.narrowing_words or "The band of sums stands at every frequency"
     return (
-        f"{words}; the numbers of the sweep at {error.omega.size} frequencies stand on exact poles and are not part of"
+        f"{words}; the numbers of the sweep at {counted(error.omega.size, 'frequency')} stand on exact poles and are not part of"
         " the curve."
     )
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robustid.core import Signal, StateMatrices, as_kind, exponents_of, points_of, response_at
+from robustid.core import Signal, StateMatrices, as_kind, counted, exponents_of, points_of, response_at
 from robustid.data import Fault, FrequencyResponse, TimeRecord, as_records, variances
 from robustid.errors import InputError
 from robustid.report.charts import (
@@ -193,7 +193,8 @@ def _checked(records: Records, frf: FrequencyResponse) -> tuple[TimeRecord, ...]
         shape, wanted = (len(record.outputs), len(record.inputs)), (len(frf.outputs), len(frf.inputs))
         if shape != wanted:
             raise InputError(
-                f"`records` must have the {wanted[0]} outputs and {wanted[1]} inputs of the response; got {shape[0]} and"
+                f"`records` must have the {counted(wanted[0], 'output')} and {counted(wanted[1], 'input')} of the"
+                f" response; got {shape[0]} and"
                 f" {shape[1]} (number {k})"
             )
         if frf.dt is None or abs(record.dt - frf.dt) > _SAME_STEP * frf.dt:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.core import counted
 from robustid.data import Bound, Caveat, FrequencyResponse, joint_radius
 from robustid.report.assumptions import bound_source
 from robustid.report.charts import Chart, first_panel
@@ -123,7 +124,7 @@ def response_fault_verdict(view: ResponseView) -> list[Verdict]:
 
 def response_verdict(view: ResponseView) -> Verdict:
     """Verdict on the bound: what it promises, in one sentence."""
-    frf, points = view.frf, f"at all {view.frf.omega.size} frequency points"
+    frf, points = view.frf, f"at all {counted(view.frf.omega.size, 'frequency point')}"
     where = points + (f" and in all {view.ny * view.nu} entries" if view.ny * view.nu > 1 else "")
     if not view.complete.all():
         where = f"{points}, in all entries measured there,"
@@ -178,7 +179,7 @@ def summary_rows(view: ResponseView) -> list[tuple[str, str]]:
     frf, hz = view.frf, view.frf.freq_hz
     points = in_hz(hz[0])
     if hz.size > 1:
-        points = f"{hz.size} points, {in_hz_span(hz[0], hz[-1])}"
+        points = f"{counted(hz.size, 'point')}, {in_hz_span(hz[0], hz[-1])}"
     steps = np.diff(hz)[np.diff(hz) > 0]
     if steps.size:
         even = steps.max() <= 1.001 * steps.min()
@@ -207,7 +208,7 @@ def _missing_words(view: ResponseView) -> str:
         gone = points - int(view.measured[i, j])
         where = "every point" if gone == points else f"{gone} point{plural(gone)}"
         parts.append(f"{view.entry(i, j)} at {where}")
-    more = f" and {len(parts) - _LISTED} more entries" if len(parts) > _LISTED else ""
+    more = f" and {counted(len(parts) - _LISTED, 'more entry')}" if len(parts) > _LISTED else ""
     return (
         f"{int(view.frf.missing.sum())} of {view.frf.values.size} values: {', '.join(parts[:_LISTED])}{more}. Every entry was"
         f" measured at {int(view.complete.sum())} of the {points} frequency points."
@@ -261,7 +262,8 @@ def _silent_words(view: ResponseView) -> list[str]:
     where = f" of {view.entry(int(i), int(j))}" if share.size > 1 else ""
     more = f" (the worst of {bad} such entries)" if bad > 1 else ""
     return [
-        f"At {count} of {points} frequency points{where}{more} the bound exceeds the response: these points say nothing of its"
+        f"At {count} of {counted(points, 'frequency point')}{where}{more} the bound exceeds the response: these"
+        " points say nothing of its"
         " phase. Measure longer, excite more, or leave them out."
     ]
 

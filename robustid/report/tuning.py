@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from robustid.controllers import Limits, Proof, WorstAt
+from robustid.core import counted
 from robustid.guarantees import scope_of
 from robustid.report.charts import BAND, FAINT, FURTHER, NOMINAL, Axis, Layer, Panel, frequency_axis
 from robustid.report.curves import span_of
@@ -97,7 +98,10 @@ def tuning_words(found: Sequence[WorstAt], shares: Shares, proof: Proof | None =
     if over:
         return "inconsistent", f"Stable with the model. Exceeded: {'; '.join(over)}."
     asked = "All limits are kept" if shares else "The loop is stable"
-    return "", f"{asked} at {count} frequencies with every consistent plant. Between them nothing is proved yet."
+    return (
+        "",
+        f"{asked} at {counted(count, 'frequency')} with every consistent plant. Between them nothing is proved yet.",
+    )
 
 
 def _of_limit(share: float, omega: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robustid.core import counted
 from robustid.data import FrequencyResponse
 from robustid.guarantees import ValueSet, WorstCaseError
 from robustid.identification import MixedProblem
@@ -50,7 +51,9 @@ def _nyquist_panels(error: WorstCaseError, entry: tuple[int, int], name: str, re
         *data_discs(problem, entry),
         plane_layer("holds every consistent value", with_gaps([_outline(v) for v in sets]), ALERT, dash="solid"),
         plane_layer(REACHED, np.concatenate([v.points for v in sets]), DATA, marker=MARKERS[2], size=0.6),
-        plane_layer(f"model at the {error.omega.size} frequencies", nominal, NOMINAL, marker="circle", size=0.6),
+        plane_layer(
+            f"model at the {counted(error.omega.size, 'frequency')}", nominal, NOMINAL, marker="circle", size=0.6
+        ),
     ]
     worst: list[int] = np.argsort(-error.sigma_upper)[
         :_CLOSE_UP

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 
 from robustid.advice import Moved, moved_modes
-from robustid.core import Real
+from robustid.core import Real, counted
 from robustid.errors import InputError
 from robustid.guarantees import Watch, Watched
 from robustid.report.charts import (
@@ -162,7 +162,7 @@ def watch_page(found: Watch, heading: str | None, parts: Parts) -> Document:
                     "Assumed for a drift",
                     "while nothing changes the records are exchangeable: measured in one way, independent",
                 ),
-                ("From before the watch", f"{len(found.usual)} records"),
+                ("From before the watch", counted(len(found.usual), "record")),
             ]
         ),
     ]

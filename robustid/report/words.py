@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.core import Signal, hz_scale, hz_span, rounded_down, rounded_up
+from robustid.core import Signal, counted, hz_scale, hz_span, rounded_down, rounded_up
 
 HZ = 2 * np.pi  # rad/s
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -108,7 +108,7 @@ def title(kind: str, outputs: Sequence[Signal], inputs: Sequence[Signal]) -> str
         return f"{kind} of {outputs[0]} / {inputs[0]}"
     names = [", ".join(signal.name for signal in group) for group in (inputs, outputs)]
     if sum(map(len, names)) > _LONG:
-        names = [f"{len(inputs)} inputs", f"{len(outputs)} outputs"]
+        names = [counted(len(inputs), "input"), counted(len(outputs), "output")]
     return f"{kind} from {names[0]} to {names[1]}"
 
 

@@ -183,7 +183,7 @@ def test_ctrl_c_leaves_a_pair_undecided(here, capsys, monkeypatch):
     ("arguments", "sentence"),
     [
         (["loop", "loop", "--controller", "slow.npz"], "--controller slow.npz: it must have the sample time"),
-        (["loop", "part", "--controller", "wide.npz", "-o", "o"], "--controller must have 1 outputs and 1 inputs"),
+        (["loop", "part", "--controller", "wide.npz", "-o", "o"], "--controller must have 1 output and 1 input"),
         (["loop", "part", "--controller", "nan.npz"], "C must be finite"),
         (["loop", "part", "--controller", "none.npz"], "--controller none.npz: there is no such file"),
         (["loop", "loop", "--controller", "near.npz", "-o", "loop"], "loop.npz is one of the files to be read"),
@@ -191,7 +191,7 @@ def test_ctrl_c_leaves_a_pair_undecided(here, capsys, monkeypatch):
         (["loop", "missing"], "missing"),
         (["connect", "part", "none.npz"], "none.npz: there is no such file"),
         (["connect", "part", "slow.npz"], "slow.npz must have the time base of part"),
-        (["connect", "part", "wide.npz"], "wide.npz must have 1 inputs and 1 outputs"),
+        (["connect", "part", "wide.npz"], "wide.npz must have 1 input and 1 output"),
         (["connect", ".", "known.npz"], "whose band is that of R and not of the plant"),
         (["connect", "part", "known.npz", "--keep-out", "6"], "--keep-out must be DB:DEGREES"),
     ],

@@ -142,7 +142,7 @@ TWO = rid.FrequencyResponse([1.0, 2.0], [1.0, 1.0])
 test_estimate_delay_refuses = refusals(
     (lambda: estimate_delay(np.ones(3)), "`frf` must be a FrequencyResponse; got ndarray", InputTypeError),
     (lambda: estimate_delay(rid.TimeRecord([1.0], [1.0], dt=1.0)), "call estimate_frf first", InputTypeError),
-    (lambda: estimate_delay(TWO.select([0])), "1 frequency points; a delay needs several frequencies"),
+    (lambda: estimate_delay(TWO.select([0])), "1 frequency point; a delay needs several frequencies"),
     (lambda: estimate_delay(TWO, order=3), "too few for a delay and 3 poles"),
     (lambda: estimate_delay(rid.FrequencyResponse([1.0, 2.0], [0, 0])), "`frf` is zero at every frequency point"),
     (lambda: estimate_delay(TWO, longest=7.0), "can't tell delays from those"),

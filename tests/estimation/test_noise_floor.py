@@ -192,9 +192,9 @@ test_bound_response_refuses = refusals(
     ({"rest": at_rest(NOISE), "period": 50}, "`period` = 50 must divide the 128 samples"),
     ({"rest": at_rest(NOISE), "period": 32}, "frequency points between the spectral lines of `period` = 32"),
     ({"rest": at_rest(NOISE), "records": rid.TimeRecord(U, U, dt=0.02)}, "dt = 0.02 s, the noise-floor record 0.01 s"),
-    ({"rest": at_rest(NOISE[:, None] * [1, 1])}, "1 outputs and 1 inputs, the noise-floor record 2 and 1"),
+    ({"rest": at_rest(NOISE[:, None] * [1, 1])}, "1 output and 1 input, the noise-floor record 2 and 1"),
     ({"rest": rid.TimeRecord(U[:100], NOISE[:100], dt=DT)}, "it was not still"),
-    ({"rest": at_rest(NOISE), "frf": TWO}, "the records 1 outputs and 1 inputs"),
+    ({"rest": at_rest(NOISE), "frf": TWO}, "the records 1 output and 1 input"),
     ({"rest": at_rest(NOISE), "frf": periodic(U, U)}, "`frf` must be a FrequencyResponse", InputTypeError),
     of=bounded,
 )

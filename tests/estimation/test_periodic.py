@@ -75,7 +75,7 @@ def test_further_realisations_are_averaged_and_need_no_second_period():
     frf = estimate_frf(records)
     np.testing.assert_allclose(frf.values, truth(model, frf.omega), atol=1e-12)
     assert frf.bound.words(frf.note).endswith(
-        "from 4 independent excitations: 5 frequency points, scatter over 4 blocks of experiments (1 periods each), pooled"
+        "from 4 independent excitations: 5 frequency points, scatter over 4 blocks of experiments (1 period each), pooled"
         " over up to 5 neighbouring spectral lines"
     )
 

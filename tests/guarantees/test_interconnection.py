@@ -297,7 +297,7 @@ def test_sides_that_make_no_loop_are_refused():
     frf = rid.FrequencyResponse([1.0], [1.0], bound=0.1)
     integrating = Around(control.ss(-1, 1, 1, 0), [0.5, np.inf], [[[0.1]]])
     cases = [
-        (lag, wide, rid.InputError, "`load` must have 1 inputs and 1 outputs"),
+        (lag, wide, rid.InputError, "`load` must have 1 input and 1 output"),
         (lag, sampled, rid.InputError, "time base"),
         (lag, control.tf([1], [1, -1]), rid.InputError, "`load` must be stable"),
         (lag, frf, TypeError, "`load` must be a Band"),

@@ -104,7 +104,7 @@ def gain(size):
         (lambda e, b: uncertainty_weight(mode(), e, 9 * b, kind="inverse"), r"at [0-9.]+ rad/s: \|nominal\| may be as"),
         (lambda e, b: uncertainty_weight(control.ss(-1, 1, 1, 0), e, b), "continuous `nominal` must end at infinity"),
         (lambda e, b: entry_weights(mode(), e, b), r"`bound` must have shape \(C, ny, nu\)"),
-        (lambda e, b: robust_stability_margin(mode(), TALL, e, b), "`controller` must have 1 inputs"),
+        (lambda e, b: robust_stability_margin(mode(), TALL, e, b), "`controller` must have 1 input"),
         (lambda e, b: robust_stability_margin(mode(), SLOWER, e, b), "`controller` must have the sample"),
         (lambda e, b: robust_stability_margin(gain(1), gain(-1), e, b), "well-posed"),
     ],

@@ -187,7 +187,7 @@ UNSTABLE, WIDE = control.StateSpace(0.5, 1.0, 0.5, 0.0, 0), control.StateSpace(-
     [
         (control.StateSpace(0.5, 1.0, 0.5, 0.0, 0.1), {}, "`model` must be continuous.*dt = 0.1"),
         (UNSTABLE, {}, "`model` must be stable; it has pole at 0 Hz.*No passive model"),
-        (WIDE, {}, "as many outputs as inputs.*1 outputs and 2 inputs"),
+        (WIDE, {}, "as many outputs as inputs.*1 output and 2 inputs"),
         (first_order(1.0), {"kind": "passive"}, "`kind` must be one of 'bounded real'.*got 'passive'"),
         (first_order(1.0), {"decay": -1.0}, "`decay` must be >= 0"),
         ([[1.0]], {}, r"control\.StateSpace or TransferFunction, .*; got list"),

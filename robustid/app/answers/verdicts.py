@@ -29,7 +29,7 @@ from robustid.app.run.reading import option_words, values_of_options
 from robustid.app.run.results import FamilyRun, IdentifiedReduced
 from robustid.app.run.work import Work
 from robustid.controllers import ControllerDesign
-from robustid.core import Options, Record
+from robustid.core import Options, Record, counted
 from robustid.data import Fault, FrequencyResponse
 from robustid.errors import Remedy
 from robustid.fitting import MatrixFraction
@@ -335,7 +335,7 @@ def held_against(found: Validation, exit_code: int) -> Answer:
     status = "undecided" if found.outside is None else "refuted" if found.outside else "inside"
     sentence = {
         "undecided": "Nothing says how large the errors of the measurement are.",
-        "refuted": f"The model is outside the bounds of {found.outside} samples.",
+        "refuted": f"The model is outside the bounds of {counted(found.outside or 0, 'sample')}.",
         "inside": "The model is inside the bounds of all samples.",
     }[status]
     return answer("compare", status, sentence, exit_code, summary=found.summary())

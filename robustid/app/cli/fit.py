@@ -16,6 +16,7 @@ from robustid.app.cli.screen import Next, in_words, telling, warn
 from robustid.app.run.checks import options
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
+from robustid.core import counted
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
@@ -212,7 +213,7 @@ def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: Option
     """The fit; at a terminal every iteration is shown."""
     from robustid.fitting import fit_mfd
 
-    text = f"fitting order {order}: {frf.omega.size} frequency points"
+    text = f"fitting order {order}: {counted(frf.omega.size, 'frequency point')}"
     with telling(console) as tell:
         tell(text, 0, 0)
 

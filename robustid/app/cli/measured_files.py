@@ -14,7 +14,7 @@ from robustid.app.cli.screen import say, warn
 from robustid.app.run.checks import options
 from robustid.app.run.reading import Data, Tables, in_options, option_words, read_source, values_of_options
 from robustid.app.run.sources import RecordSource, ResponseSource
-from robustid.core import Signal, hz_span, hz_words
+from robustid.core import Signal, counted, hz_span, hz_words
 from robustid.data import FrequencyResponse, TimeRecord
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.estimation import BOUND_SOURCES, response_faults
@@ -182,7 +182,7 @@ def _names(signals: Sequence[Signal]) -> str:
 def _described(data: FrequencyResponse | TimeRecord, words: str) -> str:
     if isinstance(data, FrequencyResponse):
         span = hz_span(float(data.freq_hz[0]), float(data.freq_hz[-1]))
-        text = f"frequency response, {data.omega.size} frequency points, {span}, {words}, "
+        text = f"frequency response, {counted(data.omega.size, 'frequency point')}, {span}, {words}, "
     else:
         text = f"time record, {data.time.size} samples, {data.time[0]:.5g} to {data.time[-1]:.5g} s, {words}, "
     text += "continuous time" if data.dt is None else f"dt = {data.dt:g} s"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from robustid.app.cli.steps import tell
+from robustid.core import counted
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def written_words(files: Sequence[Path], most: int = _MOST_FILES) -> str:
     if len(files) > most and len({path.parent for path in files}) == 1:
         page = next((f"{path.name} and " for path in files if path.suffix == ".html"), "")
         count = len(files) - bool(page)
-        return f"written: {files[0].parent}{os.sep} with {page}{count} more files"
+        return f"written: {files[0].parent}{os.sep} with {page}{counted(count, 'more file')}"
     return "written: " + (", ".join(map(str, files)) or "nothing")
 
 

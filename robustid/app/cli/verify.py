@@ -12,6 +12,7 @@ from robustid.app.cli import screen
 from robustid.app.cli.command_options import AsJson, Force
 from robustid.app.cli.screen import in_words, say, step, telling
 from robustid.app.cli.written_files import check_outputs
+from robustid.core import counted
 
 if TYPE_CHECKING:
     from robustid.app.cli.terminal import Terminal
@@ -203,7 +204,10 @@ def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> li
 
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
-    text = f"claimed    every consistent system is within {rounded_up(upper.max()):.4g} of the model at {count} frequencies"
+    text = (
+        f"claimed    every consistent system is within {rounded_up(upper.max()):.4g} of the model at"
+        f" {counted(count, 'frequency')}"
+    )
     say(console, text + (f", and {intervals} coefficients are in their intervals" if intervals else ""))
     failed = _claim_failures(console, error, exact)
     if error.known_circle is not None:

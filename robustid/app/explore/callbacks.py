@@ -13,7 +13,7 @@ from robustid.app.explore.layout import table
 from robustid.app.explore.quantities import LIGHT, choice_of, mode_names, quantities
 from robustid.app.explore.session import ByHand, Session, toggled
 from robustid.app.explore.worker import BAND, Computed, Worker
-from robustid.core import atomic_write
+from robustid.core import atomic_write, counted
 from robustid.errors import InputError, RobustIdError
 from robustid.identification import Identification
 from robustid.report import live_figure, live_numbers, live_words, look_figure, look_words
@@ -187,7 +187,7 @@ def _doing(found: Computed) -> str:
     if found.cancelled:
         return "Cancelled."
     if found.doing == BAND and found.error is not None:
-        return f"Computing the {found.doing}: {found.error.omega.size} frequencies are bounded"
+        return f"Computing the {found.doing}: bounded at {counted(found.error.omega.size, 'frequency')}"
     return f"Computing the {found.doing}" if found.doing else ""
 
 

@@ -17,7 +17,7 @@ from robustid.app.run.reading import Tables
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import MemberChoice
-from robustid.core import Progress
+from robustid.core import Progress, counted
 from robustid.errors import InputError
 
 Entry = tuple[int | str, int | str]
@@ -143,8 +143,9 @@ def _entries(run: RunFile, data: Measured) -> list[tuple[Entry | None, str]]:
         return [(run.entry, "")]
     if run.loop.is_stated:
         raise InputError(
-            f"explore shows one entry of a matrix, and a plant in a loop is identified as a whole: this one has {size[0]} outputs"
-            f" and {size[1]} inputs"
+            "explore shows one entry of a matrix, and a plant in a loop is identified as a whole: this one has"
+            f" {counted(size[0], 'output')}"
+            f" and {counted(size[1], 'input')}"
         )
     places = itertools.product(range(size[0]), range(size[1]))
     return [((i, j), f"{first.outputs[i]} / {first.inputs[j]}") for i, j in places]

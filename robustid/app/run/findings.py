@@ -13,7 +13,7 @@ from robustid.app.run.designed import NOT_DESIGNED, design_words
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.settings import Modes
 from robustid.app.run.work import Work
-from robustid.core import Real, Source, hz_words
+from robustid.core import Real, Source, counted, hz_words
 from robustid.data import FrequencyResponse
 from robustid.errors import InputError, Status
 from robustid.guarantees import (
@@ -206,7 +206,10 @@ def sample_words(identification: Identification, model: control.StateSpace, orde
     total = sum(residual.axis.size for residual in residuals)
     largest = max(float(residual.ratio.max()) for residual in residuals)
     if not outside:
-        return f"The model of order {order} keeps all {total} samples within their bounds (largest |residual|/bound {largest:.4g})."
+        return (
+            f"The model of order {order} keeps all {counted(total, 'sample')} within their bounds (largest"
+            f" |residual|/bound {largest:.4g})."
+        )
     return (
         f"The model of order {order} leaves {len(outside)} of {total} samples outside their bounds: {_named(outside)}."
     )

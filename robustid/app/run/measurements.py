@@ -19,7 +19,7 @@ from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.app.run.sources import USES, RecordSource, ResponseSource
 from robustid.controllers import Factor, Matrix
-from robustid.core import Source, digest, hz_words
+from robustid.core import Source, counted, digest, hz_words
 from robustid.data import Fault, FrequencyResponse, TimeRecord, decimate, detrend, points_at
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.estimation import bounds_from_noise_floor, estimate_delay, response_faults
@@ -211,7 +211,7 @@ def _responses(
         with _said_of(place):
             found = read_source(source, folder, tables, bounded=True)
             frf, table = found.data[0], tables.of(folder / str(source.file), source.decimal)
-        around.say(f"read {source.file}: {frf.omega.size} frequency points; {found.how}")
+        around.say(f"read {source.file}: {counted(frf.omega.size, 'frequency point')}; {found.how}")
         sources.append(_with_digest(dataclasses.replace(source, bound=found.bound), found.corrected, place))
         for fault in response_faults(found.corrected[0]):
             around.say(f"{source.file}: {fault}")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robustid.core import Budget, StateMatrices, as_array, as_state_space, real_rows, response_at
+from robustid.core import Budget, StateMatrices, as_array, as_state_space, counted, real_rows, response_at
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.fraction_forms import fitted, states_of_poles
 from robustid.fitting.fraction.fraction_iteration import fit_fraction
@@ -128,7 +128,9 @@ def first_model(
     if form == "left":
         model = model.transposed()
     if fitted(model.D[None], form).shape[1:] != problem.values.shape[1:]:
-        raise InputError(f"`start` must have the inputs and outputs of `frf`; got {ny} outputs and {nu} inputs")
+        raise InputError(
+            f"`start` must have the inputs and outputs of `frf`; got {counted(ny, 'output')} and {counted(nu, 'input')}"
+        )
     least = 1 if body is None else 2 * body.count
     order = len(model.A)
     if order < least:

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from robustid.core import Frozen, as_flag
+from robustid.core import Frozen, as_flag, counted
 from robustid.errors import InputError, InputTypeError
 from robustid.fitting.fraction.rigid_body import RigidBody
 
@@ -104,7 +104,8 @@ class Modal(Frozen):
         ny, nu = values.shape[1:]
         if self.symmetric and ny != nu:
             raise InputError(
-                f"`symmetric` modes need as many outputs as inputs, in the same order; got {ny} outputs and {nu} inputs."
+                f"`symmetric` modes need as many outputs as inputs, in the same order; got {counted(ny, 'output')}"
+                f" and {counted(nu, 'input')}."
                 " Select those that sit together, or leave `symmetric` out"
             )
         if order % 2:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Frozen, Real, Savable, StateMatrices, freeze, labels_of, simulate
+from robustid.core import Frozen, Real, Savable, StateMatrices, counted, freeze, labels_of, simulate
 from robustid.data import TimeRecord
 from robustid.figures import Modes
 from robustid.fitting.fraction.fraction_iteration import FitStatus, FitStep
@@ -133,5 +133,5 @@ class RecordFit(Frozen, Modes, Savable):
         return (
             f"<RecordFit: order {self.order}, {len(self.C)}x{self.B.shape[1]}, dt={self.dt:.6g} s,"
             f" {'stable' if self.stable else 'unstable'}; fit {fit} % of {count} record{'s' * (count > 1)},"
-            f" {self.status.name.lower()} after {len(self.history)} steps>"
+            f" {self.status.name.lower()} after {counted(len(self.history), 'step')}>"
         )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Complex, Real, StateMatrices, as_array, real_rows
+from robustid.core import Complex, Real, StateMatrices, as_array, counted, real_rows
 from robustid.data import FrequencyResponse, TimeRecord, as_frequency_response, as_records
 from robustid.errors import InputError
 from robustid.fitting.fraction.criterion import Weight
@@ -131,7 +131,8 @@ def given_start(start: object, order: int, record: TimeRecord) -> tuple[Real, Re
     wanted = (order, record.y.shape[1], record.u.shape[1])
     if shape != wanted or not model.isdtime(strict=True):
         raise InputError(
-            f"`start` must be a discrete model of {wanted[0]} states, {wanted[1]} outputs and {wanted[2]} inputs; got"
+            f"`start` must be a discrete model of {counted(wanted[0], 'state')}, {counted(wanted[1], 'output')} and"
+            f" {counted(wanted[2], 'input')}; got"
             f" {shape[0]}, {shape[1]} and {shape[2]}, dt = {model.dt}"
         )
     return np.asarray(model.A, dtype=float), np.asarray(model.C, dtype=float)

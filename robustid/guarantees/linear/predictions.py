@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from robustid.core import Budget, Complex, Frozen, Real, Record, freeze, one_thread
+from robustid.core import Budget, Complex, Frozen, Real, Record, counted, freeze, one_thread
 from robustid.errors import InputError
 from robustid.guarantees.linear.amplitudes import Extraction, extract
 from robustid.guarantees.linear.certificate import Chosen, Targets, choose, discs
@@ -199,7 +199,8 @@ def check_samples(problem: MixedProblem) -> SampleCheck:
     outputs, inputs = problem.entries.shape
     if outputs * inputs > 1:
         raise InputError(
-            f"`problem` must have one input and one output; got {outputs} outputs and {inputs} inputs: choose an entry"
+            f"`problem` must have one input and one output; got {counted(outputs, 'output')} and"
+            f" {counted(inputs, 'input')}: choose an entry"
         )
     samples = samples_of(problem, fixed_functions(problem.parametric), (0, 0))
     with one_thread():
