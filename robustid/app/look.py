@@ -22,6 +22,7 @@ from robustid.formats import (
     FREQUENCY,
     TIME,
     StoredModel,
+    Table,
     axis_role,
     contents,
     names_axis,
@@ -66,6 +67,8 @@ class Look(Frozen):
         The same as the `fields` of one record of several inputs and outputs; {} where their lengths differ.
     found : object or None
         What was read, a model by its matrices; `data` is what `load` makes of it.
+    proposed : object or None
+        Where it needs to be told more: what the `arguments` make of it, whose faults are shown.
     """
 
     path: str
@@ -80,6 +83,7 @@ class Look(Frozen):
     records: tuple[dict[str, str], ...] = ()
     kind: str = ""
     joined: dict[str, list[str]] = dataclasses.field(default_factory=dict[str, list[str]])
+    proposed: object = None
 
     @functools.cached_property
     def data(self) -> object:
@@ -176,7 +180,7 @@ class Look(Frozen):
     def faulty(self) -> bool:
         """True where data that could be read have a fault; a period that nothing states is found, and is none."""
         odd = [fault for fault in self.faults if not fault.undone and fault.kind is not FaultKind.UNSTATED_PERIOD]
-        return self.found is not None and bool(odd)
+        return (self.found is not None or self.proposed is not None) and bool(odd)
 
     @property
     def correction(self) -> str:
@@ -209,6 +213,10 @@ class Look(Frozen):
             lines.append(f"no error bound is stated; one taken from the data: {self.bound}")
         if self.refusal:
             lines.append(f"to be told more: {self.refusal}")
+        if self.proposed is not None:
+            stated = {**self.arguments, **self.arguments.get("fields", {})}
+            names = ", ".join(f"{name} = {_names(value)}" for name, value in stated.items() if name != "fields")
+            lines.append(f"read so far, as by the run file of robustid new, with {names}")
         return lines + [f"looks odd: {fault}" for fault in self.faults]
 
     def __str__(self) -> str:
@@ -261,6 +269,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
         kind = _kind(tried) or origin(table, "frequency", None).kind or ""
         if "fields" not in options and _silent(tried.get("fields", {})):
             unknown = (*unknown, "fields")
+        proposed = _proposed(table, tried, apart) if tried and not unknown else None
         told: Options = {
             "arguments": tried,
             "unknown": unknown,
@@ -268,29 +277,49 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
             "joined": joined,
             "kind": kind,
             "error": error,
+            "proposed": proposed,
         }
-        return Look(path=str(path), how=found.how, rows=rows, faults=tuple(odd), **told)
+        return Look(path=str(path), how=found.how, rows=rows, faults=(*odd, *_faults(proposed)), **told)
+    odd += _faults(data)
     several: Sequence[object] = data if is_array(data) else [data]
-    for one in several:
-        odd += response_faults(one) if isinstance(one, FrequencyResponse) else []
-    records = [one for one in several if isinstance(one, TimeRecord)]
-    if len(records) == len(several):
-        bounded = all(one.bound is not None for one in records)  # then their samples are used
-        odd += [fault for one in records for fault in sample_faults(one)] if bounded else record_faults(records)
-    for one in several:
-        if isinstance(one, FrequencyResponse) and (
-            same := [r for r in records if (len(r.outputs), len(r.inputs)) == one.values.shape[1:]]
-        ):
-            odd += experiment_faults(one, same)
     own = _own_bound(data) if isinstance(data, FrequencyResponse) and data.bound is None else ""
-    kind = "time" if records else "frequency" if isinstance(several[0], FrequencyResponse) else ""
+    first = several[0]
     told = {
         "arguments": {"fields": apart[0]} if apart else options,
         "records": tuple(apart),
         "joined": joined,
-        "kind": kind,
+        "kind": "time"
+        if isinstance(first, TimeRecord)
+        else "frequency"
+        if isinstance(first, FrequencyResponse)
+        else "",
     }
     return Look(path=str(path), how=how, rows=rows, faults=tuple(odd), found=data, bound=own, **told)
+
+
+def _proposed(table: Table, tried: Options, apart: Sequence[dict[str, str]]) -> object:
+    """Measurements that the arguments to try make of a file; None where they are not enough."""
+    several: list[Options] = [{**tried, "fields": fields} for fields in apart] or [tried]
+    try:
+        found: list[object] = [load(table, **one) for one in several]
+    except (InputError, InputTypeError, FileFormatError):
+        return None
+    return found if apart else found[0]
+
+
+def _faults(data: object) -> list[Fault]:
+    """Faults of measurements: of each, and of responses against records."""
+    several: Sequence[object] = data if is_array(data) else [data]
+    responses = [one for one in several if isinstance(one, FrequencyResponse)]
+    records = [one for one in several if isinstance(one, TimeRecord)]
+    odd = [fault for one in responses for fault in response_faults(one)]
+    if records and len(records) == len(several):
+        bounded = all(one.bound is not None for one in records)  # then their samples are used
+        odd += [fault for one in records for fault in sample_faults(one)] if bounded else record_faults(records)
+    for one in responses:
+        if same := [r for r in records if (len(r.outputs), len(r.inputs)) == one.values.shape[1:]]:
+            odd += experiment_faults(one, same)
+    return odd
 
 
 def _tried(error: RobustIdError, given: Options) -> tuple[Options, tuple[str, ...]]:
@@ -327,3 +356,8 @@ def _own_bound(frf: FrequencyResponse) -> str:
         return found.bound.words(found.note) + seen
     except InputError:
         return ""
+
+
+def _names(name: object) -> str:
+    """Name of an array, or those of several."""
+    return ", ".join(map(str, name)) if is_array(name) else str(name)

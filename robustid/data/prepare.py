@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -262,8 +264,8 @@ def _are_multiples(values: Real, unit: Real | float) -> bool:
     return bool(np.all(np.abs(count - np.round(count)) <= 4 * np.finfo(float).eps * count))
 
 
-def uniform_step(time: np.ndarray, samples: int) -> float:
-    """The sample time of instants that are uniform; else a sentence."""
+def uniform_step(time: np.ndarray, samples: int, names: Mapping[str, object] | None = None) -> float:
+    """Sample time of instants that are uniform; else a sentence, which tells the part of the arrays by roles to use."""
     if time.shape != (samples,):
         words = f"the time has shape {time.shape} where `u` has {samples} samples; give "
         if time.ndim == 1 and 1 < time.size != samples and samples > 1:
@@ -281,8 +283,9 @@ def uniform_step(time: np.ndarray, samples: int) -> float:
         k = int(np.argmax(np.abs(steps - usual)))
         raise InputError(
             f"the time is not uniform: from {time[k]:.9g} s (sample {k}) to {time[k + 1]:.9g} s the step is"
-            f" {steps[k]:.6g} s, the median step {usual:.6g} s; {_without_gap(time, steps > _GAP * usual)}resample the record, or"
-            " give `dt`"
+            f" {steps[k]:.6g} s, the median step {usual:.6g} s; ",
+            *_without_gap(time, steps > _GAP * usual, names or {}),
+            "resample the record, or give `dt`",
         )
     return float(step)
 
@@ -291,15 +294,26 @@ def _is_uniform(time: Real, step: float) -> bool:
     return bool(np.max(np.abs(np.diff(time) - step)) <= _UNIFORM * step) or _rounded(time, step)
 
 
-def _without_gap(time: Real, gap: NDArray[np.bool_]) -> str:
-    """Advice to use the longest stretch without a gap, where it is uniform; "" where there is none."""
+def _without_gap(time: Real, gap: NDArray[np.bool_], names: Mapping[str, object]) -> list[str | Remedy]:
+    """Advice to use the longest stretch without a gap, where it is uniform; none where there is none."""
     ends = np.concatenate([[0], np.flatnonzero(gap) + 1, [time.size]])
     k = int(np.argmax(np.diff(ends)))
     first, end = ends[k : k + 2].tolist()
     part = time[first:end]
     if not gap.any() or part.size < _FEW or not _is_uniform(part, float(part[-1] - part[0]) / (part.size - 1)):
-        return ""
+        return []
+    words = (
+        f"samples are missing there; the longest part without a gap are the samples {first} to {end - 1}: name it by "
+    )
+    if not names:
+        return [words, f"`fields`, as u[{first}:{end}], of the time and all signals, "]
+    return [words, Remedy({"fields": {role: _part(name, first, end) for role, name in names.items()}}), ", "]
+
+
+def _part(name: object, first: int, end: int) -> object:
+    """Address of a part of an array, or of each of several."""
     return (
-        f"samples are missing there; the longest part without a gap are the samples {first} to {end - 1}: name it by `fields`, as"
-        f" u[{first}:{end}], of the time and all signals, "
+        [_part(one, first, end) for one in cast("list[object]", name)]
+        if isinstance(name, list)
+        else f"{name}[{first}:{end}]"
     )

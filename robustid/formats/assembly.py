@@ -12,7 +12,7 @@ from robustid.core import Options, as_float, as_positive
 from robustid.data import FrequencyResponse, TimeRecord, uniform_step
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.formats import units
-from robustid.formats.addresses import TIME_AXES
+from robustid.formats.addresses import TIME_AXES, parse
 from robustid.formats.role_lookup import Lookup, flat, seconds
 from robustid.formats.role_names import axis_role
 
@@ -209,7 +209,7 @@ def as_time(lookup: Lookup, options: Options) -> TimeRecord | list[TimeRecord]:
         if side not in options and len(labels) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):
             options[side] = labels
     if "dt" not in options:
-        options["dt"] = time_step(lookup, len(signals["u"]))
+        options["dt"] = time_step(lookup, len(signals["u"]), names)
     for role in ("u", "y"):
         rows = np.isnan(signals[role].reshape(len(signals[role]), -1)).any(axis=1)
         if np.any(rows) and "bound" not in signals:
@@ -252,13 +252,15 @@ def _realisations(
     return records if "realisation" in named else records[0]
 
 
-def time_step(lookup: Lookup, samples: int) -> float:
-    """Sample time of a record: of its time column, which goes before a stored number that wasn't named."""
+def time_step(lookup: Lookup, samples: int, names: Mapping[str, object] | None = None) -> float:
+    """Sample time of a record, of arrays by roles: of its time column, which goes before a stored number that wasn't named."""
     time = None if "dt" in lookup.fields else lookup.find("time")
     # A scalar T is found as "t" too.
     if time is not None and not (time == "T" and lookup.columns[time].size == 1 < samples):  # type: ignore[union-attr]
         column = lookup.column("time", time)
-        return uniform_step(column, samples) * seconds(lookup, time)
+        arrays = {"time": time, **(names or {})}
+        whole = bool(names) and all(parse(str(name)) is None for one in arrays.values() for name in flat(one))
+        return uniform_step(column, samples, arrays if whole else None) * seconds(lookup, time)
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
         seconds(lookup, unsure)
     lookup.refuse_step()

@@ -11,7 +11,7 @@ import numpy as np
 from robustid.data import uniform_step
 from robustid.errors import InputError, Remedy
 from robustid.formats import units
-from robustid.formats.addresses import written
+from robustid.formats.addresses import parse, written
 from robustid.formats.headings import PARTS
 from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
@@ -73,7 +73,8 @@ def _kind(address: str) -> str | None:
 
 def names_axis(address: str) -> bool:
     """Return whether the name of a column says that it is frequency or time."""
-    return _kind(address) is not None or speaks_of_frequency(address)
+    name = address if (found := parse(address)) is None else found.name
+    return _kind(name) is not None or speaks_of_frequency(name)
 
 
 def _counts(address: str, values: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ from robustid.app.cli.main import app
 from robustid.app.draft import drafted_run_file
 from robustid.app.load_save import load_result
 from robustid.app.run.run_file import read_run_file
+from robustid.data import FaultKind
 from robustid.errors import FileFormatError, InputError
 from robustid.formats import load_model, readers
 from support.command_line import words as command
@@ -204,3 +205,27 @@ def test_a_column_of_time_alone_says_that_a_file_is_a_record(tmp_path, monkeypat
 def test_a_folder_without_a_result_is_called_that(tmp_path, read):
     with pytest.raises(FileFormatError, match="is a folder without a saved result"):
         read(tmp_path)
+
+
+def test_a_look_shows_the_faults_of_what_a_new_run_file_reads(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    u, noise = np.random.default_rng(0).standard_normal((2, 1000))
+    y = np.convolve(u, [0, 0.5, 0.3, 0.2])[:1000] + 0.01 * noise
+    time = np.arange(1000) * 1e-3
+    y[400] = 6
+    np.savetxt("bench.csv", np.c_[time, u, y], header="time [s],motor [A],encoder", delimiter=",", comments="")
+    time[600:] += 0.5
+    np.savetxt("gap.csv", np.c_[time, u, y], header="time,u,y", delimiter=",", comments="")
+    found = rid.look("gap.csv")
+    assert (found.argument, found.unknown) == (None, ())
+    assert found.arguments == {"fields": {name: f"{name}[0:600]" for name in ("time", "u", "y")}}
+    assert rid.load("gap.csv", **found.arguments).time.size == 600
+    for name in ("bench", "gap"):
+        looked = rid.look(f"{name}.csv")
+        assert (looked.found, looked.faulty) == (None, True)
+        assert [fault.kind for fault in looked.faults] == [FaultKind.SPIKE]
+        code, _, _ = command(["look", f"{name}.csv"], capsys, monkeypatch)
+        assert code == 4
+        assert command(["new", f"{name}.csv", "-o", f"{name}.toml"], capsys, monkeypatch)[0] == 0
+        (source,) = read_run_file(f"{name}.toml").record
+        assert source.fields == looked.arguments["fields"]
