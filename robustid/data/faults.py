@@ -29,6 +29,7 @@ class FaultKind(enum.StrEnum):
     SMALL_BOUND = "small bound"
     NOT_FINITE = "not finite"
     TWO_SIDED = "two-sided"
+    UNSTABLE = "unstable"  # an output that grows without end
     SPIKE = "spike"
     WRAPPED = "wrapped"  # beyond the range of an integer, to its other end
     LOST = "lost samples"

@@ -17,6 +17,7 @@ from robustid.estimation.record_relations import with_relations
 from robustid.estimation.repetition import apart, found_period
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, slower, unwrapped, wrapped_fault
 from robustid.estimation.stretch import liveliest, stretch_length
+from robustid.estimation.unstable_outputs import unstable_outputs
 
 _BETTER = 10  # times less, by another period than the one that is stated
 _CLOSELY = 0.01  # share of the power by which periods may differ whose mean is taken out
@@ -32,18 +33,19 @@ _OF_ALL = (
     FaultKind.OFFSET,
     FaultKind.JITTER,
     FaultKind.FEEDBACK,
+    FaultKind.UNSTABLE,
 )
 
 
 def record_faults(record: TimeRecord | Sequence[TimeRecord], *, period: int | None = None) -> tuple[Fault, ...]:
     """Faults of records, before anything is estimated from them.
 
-    Of every record: signals that are constant, get stuck, or stay at their extreme value, whose samples were lost, wrapped around
-    or came in coarse steps; outputs with spikes, jumps, drifts or tones that the input doesn't explain, that no input moves, or
-    that begin about a point of operation; input that repeats although nothing says with which period, or doesn't although
-    something does; input that follows earlier outputs (a closed loop without reference, or input and output exchanged). Of
-    periodic ones, with `period`: drifts, transients, and noise of the input. Of several: noise or level of one that is unlike
-    the others'.
+    Of every record: outputs that grow without end, with which nothing else is looked for; signals that are constant, get
+    stuck, or stay at their extreme value, whose samples were lost, wrapped around or came in coarse steps; outputs with
+    spikes, jumps, drifts or tones that the input doesn't explain, that no input moves, or that begin about a point of
+    operation; input that repeats although nothing says with which period, or doesn't although something does; input that
+    follows earlier outputs (a closed loop without reference, or input and output exchanged). Of periodic ones, with `period`:
+    drifts, transients, and noise of the input. Of several: noise or level of one that is unlike the others'.
 
     Parameters
     ----------
@@ -128,6 +130,8 @@ def _alone(
     record: TimeRecord, inputs: list[Real], periods: tuple[int | None, int | None], repeats: int | None
 ) -> tuple[list[Fault], TimeRecord]:
     """Faults of one record, with its period as it is stated and as it was found; and the record without what could be taken out."""
+    if growing := unstable_outputs(record):  # nothing else can be judged beside it
+        return growing, record
     found = _constant(record, inputs)
     told = {fault.where for fault in found}
     y, turns = record.y.copy(), False

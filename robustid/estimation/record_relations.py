@@ -47,6 +47,7 @@ _BROKEN = {
     FaultKind.HELD,
     FaultKind.QUANTISED,
     FaultKind.NO_RESPONSE,
+    FaultKind.UNSTABLE,
 }
 
 

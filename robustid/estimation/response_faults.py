@@ -88,6 +88,8 @@ def response_faults(frf: FrequencyResponse) -> tuple[Fault, ...]:
 def all_faults(frf: FrequencyResponse) -> list[Fault]:
     """Faults that a response brings with it, and those that it shows, of kinds that it doesn't bring: each fault once."""
     known = {fault.kind for fault in frf.faults}
+    if FaultKind.UNSTABLE in known:  # poles outside the circle are those of the conjugate inside
+        known.add(FaultKind.PHASE_SIGN)
     return [*frf.faults, *(fault for fault in response_faults(frf) if fault.kind not in known)]
 
 

@@ -117,6 +117,20 @@ def _dead(clean, given, size, rng):
     return [output(r, lambda y: 0 * y + 1.3) for r in given]
 
 
+@fault("unstable plant", "random", "unstable", (12.0, 5.0, None))
+def _unstable(clean, given, size, rng):
+    """An oscillation that the input moves, and that grows by exp(size) over the record, where nothing holds the plant."""
+    angle = float(np.exp(rng.uniform(*np.log([0.02, 0.5]))))
+
+    def grown(r):
+        pole = np.exp(size / len(r.u) + 1j * angle)
+        drive = r.u[:, 0] / r.u[:, 0].std()
+        more = scipy.signal.lfilter([0.0, 0.1], np.poly([pole, pole.conj()]).real, drive)
+        return output(r, lambda y: y + y.std() * more)
+
+    return [grown(r) for r in given]
+
+
 @fault("noise of an open input", "periodic random", "no response", (0.0, 0.02, None))
 def _open(clean, given, size, rng):
     """A sensor that is not connected: noise of the usual level, and so much of the answer."""
