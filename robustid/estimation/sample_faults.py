@@ -131,10 +131,14 @@ def _held(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.ndar
     several = int(held.sum())
     if several == 1:
         return [] if counts[held][0] < _RUN else [_stuck_at(signal, where, first, longest)]
-    how = f"is exactly {values[0]:.6g}" if np.all(values == values[0]) else "keeps its last value"
+    filled = bool(np.all(values == values[0]))
+    how = f"is exactly {values[0]:.6g}" if filled else "keeps its last value"
+    why = "samples were lost and filled in"
+    if not filled and np.median(out_of[held]) <= _ENTERED * usual:  # it goes on as it moves elsewhere
+        why += ", or friction or backlash held it, which no linear model follows"
     words = (
         f"{where} {how} in {several} stretches of up to {longest} samples, {total} samples in all, the first from sample"
-        f" {first} on: samples were lost and filled in; leave those stretches out, or measure again"
+        f" {first} on: {why}; leave those stretches out, or measure again"
     )
     return [Fault(FaultKind.LOST, words, where=where, size=total)]
 
