@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from robustid.advice.kept_gains import KeptGains
-from robustid.advice.smallest_gain import CEILINGS, DIGITS, TAILS, Mask, response_sizes, thinned
+from robustid.advice.smallest_gain import (
+    CEILINGS,
+    DIGITS,
+    TAILS,
+    Mask,
+    gain_bounds,
+    pressing,
+    response_sizes,
+    selected,
+    smallest_gain,
+    thinned,
+)
 from robustid.core import Budget, Interruptible, Real
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior
@@ -26,6 +37,8 @@ _NEWTON_STEPS = 15  # whose time a decision and a model take: 6 to 17 were measu
 _RATES = 9
 _QUICK_MATRIX = 800  # coefficients times the root of the entries: beyond, every smallest gain takes minutes
 _FORGETS = 5.0  # what the log of the free response must decay by over a record of unknown initial state
+_PRESSING = 30  # points with the largest multipliers, which stand for all at another decay rate
+_QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
 _ALMOST = 1.5  # times the smallest slope
 _APART = 2.0  # times the distance of the points in rad, at least: how far the decay rate is above 1 by default
 
@@ -118,6 +131,41 @@ def _at_knee(
             if known[k] or np.isinf(slopes[k]):
                 break
     return GainCurve(rates, gains)
+
+
+def gains_of_all(problem: MixedProblem, few: GainCurve, budget: Budget) -> GainCurve | None:
+    """The curve of fewer points with the gain of all at its knee; None where the time is over before it is known.
+
+    What fewer points ask for bounds the gains of all from below. Where the slope may be smallest the bound is raised, until it is
+    smaller at another decay rate, or is the gain: first by the points that ask for the gain at another decay rate, then by all.
+    """
+    rates, gains, known = few.rates, few.gains.copy(), np.zeros(few.rates.size, bool)
+    searches: dict[int, Iterator[tuple[float, float, Real]]] = {}
+    masks: tuple[Mask, ...] | None = None
+    tried: set[int] = set()
+    while not budget.over:
+        curve = GainCurve(rates, gains)
+        k = curve.knee(problem)
+        if known[k] or (prior := curve.priors(problem)[k]) is None:
+            return curve
+        if k not in searches:
+            if formulate(dataclasses.replace(problem, prior=prior), accuracy=TAILS).work > _QUICK_WORK:
+                return curve
+            if masks is not None and k not in tried:
+                tried.add(k)
+                part = lighter(problem, selected(problem, masks), prior.rate)
+                gain = 0.0 if part is problem else smallest_gain(part, prior.rate, problem, CEILINGS[:1], budget)
+                gains[k] = max(gains[k], 0.0 if budget.over else gain * (1 - DIGITS))
+                continue
+            searches[k] = gain_bounds(problem, prior.rate, problem, CEILINGS[:1], budget)
+        below, above, multipliers = next(searches[k])
+        if below > 0 and multipliers.size:
+            masks = pressing(problem, multipliers, _PRESSING)
+        known[k] = below == above
+        gains[k] = above if known[k] else max(gains[k], below)
+        if np.isinf(below):
+            gains[k:] = np.inf
+    return None
 
 
 def _not_below(before: GainCurve, rates: Real) -> Real:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from robustid.advice.gain_curve import (
     SAFETY,
     GainCurve,
     default_rates,
+    gains_of_all,
     lighter,
     possible,
     representatives,
@@ -22,25 +23,14 @@ from robustid.advice.gain_curve import (
 )
 from robustid.advice.kept_gains import KeptGains
 from robustid.advice.sensitivity import default_points, guaranteed
-from robustid.advice.smallest_gain import (
-    CEILINGS,
-    DIGITS,
-    TAILS,
-    gain_bounds,
-    missed,
-    response_sizes,
-    selected,
-    without_doubt,
-)
+from robustid.advice.smallest_gain import CEILINGS, DIGITS, missed, response_sizes, selected, without_doubt
 from robustid.core import Budget, Frozen, Progress, Real, Stops, as_array, as_kind, freeze, one_thread
 from robustid.errors import InputError, SizeError
 from robustid.identification import MixedProblem, Prior, identify
-from robustid.identification.formulation import formulate
 
 _log = logging.getLogger("robustid")
 
 Judge = Callable[[tuple[Prior | None, ...]], Real]  # median guaranteed errors
-_QUICK_WORK = 2e10  # multiplications of a Newton step with all points, up to which they decide the recommended gain
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -290,35 +280,9 @@ def _search(
             model = identify(dataclasses.replace(part, prior=found.prior), time_limit=budget.seconds).model
             masks = missed(problem, masks, model)
             if masks is None:
-                found = _of_all(problem, found, budget)
+                if (raised := gains_of_all(problem, GainCurve(found.decay_rates, found.gains), budget)) is not None:
+                    found = _result(problem, raised, found.errors, found.points)
                 return dataclasses.replace(found, complete=not (budget.over or stops.interrupted))
-
-
-def _of_all(problem: MixedProblem, found: PriorSuggestion, budget: Budget) -> PriorSuggestion:
-    """The gain from all frequency points at the decay rate that is recommended with it.
-
-    Those of fewer points bound the gains of all from below. Where the slope may be smallest the bound is raised, until it is
-    smaller at another decay rate, or is the gain.
-    """
-    rates, gains, known = found.decay_rates, found.gains.copy(), np.zeros(found.decay_rates.size, bool)
-    searches: dict[int, Iterator[tuple[float, float]]] = {}
-    while found.prior is not None and not budget.over:
-        curve = GainCurve(rates, gains)
-        k = curve.knee(problem)
-        if known[k] or (prior := curve.priors(problem)[k]) is None:
-            break
-        if k not in searches:
-            if formulate(dataclasses.replace(problem, prior=prior), accuracy=TAILS).work > _QUICK_WORK:
-                break
-            searches[k] = gain_bounds(problem, prior.rate, problem, CEILINGS[:1], budget)
-        below, above = next(searches[k])
-        known[k] = below == above
-        gains[k] = above if known[k] else max(gains[k], below)
-        if np.isinf(below):
-            gains[k:] = np.inf
-    else:
-        return found
-    return _result(problem, GainCurve(rates, gains), found.errors, found.points)
 
 
 def _result(problem: MixedProblem, curve: GainCurve, errors: Real, points: int) -> PriorSuggestion:

@@ -12,7 +12,7 @@ from robustid.core import Budget, Complex, Real, StateSpace, threads_for
 from robustid.data import PROBABLE, FrequencyResponse, TangentialResponse, variances
 from robustid.errors import SolverError
 from robustid.identification import MixedProblem, model_residuals
-from robustid.identification.formulation import formulate
+from robustid.identification.formulation import bounded_points, formulate
 from robustid.identification.solver import analytic_center, gain_path
 
 Mask = NDArray[np.bool_]
@@ -46,7 +46,7 @@ def smallest_gain(
     Where the time is over: the smallest so far.
     """
     above = np.inf
-    for _, above in gain_bounds(problem, decay_rate, whole, ceilings, budget):
+    for _, above, _ in gain_bounds(problem, decay_rate, whole, ceilings, budget):
         if budget is not None and budget.over:
             return above
     return above
@@ -58,14 +58,17 @@ def gain_bounds(
     whole: MixedProblem | None = None,
     ceilings: tuple[float, ...] = CEILINGS,
     budget: Budget | None = None,
-) -> Iterator[tuple[float, float]]:
-    """Ever closer bounds of the `smallest_gain`, from below (as the path estimates it) and from above; the last two are equal."""
+) -> Iterator[tuple[float, float, Real]]:
+    """Ever closer bounds of the `smallest_gain`, from below (as the path estimates it) and from above; the last two are equal.
+
+    Third come the multipliers of the bounds of the samples, (M,): which of them ask for the gain.
+    """
     largest, smallest = response_sizes(problem if whole is None else whole)
     for ceiling in ceilings:
         K = ceiling * largest
         trial = problem.with_prior(gain_bound=K, rate=decay_rate)
         form = formulate(trial, accuracy=TAILS)
-        kappa = 1.0
+        kappa, multipliers = 1.0, np.zeros(0)
         try:
             with threads_for(form.count):
                 center = analytic_center(form.data, 1.0, budget=budget)
@@ -77,14 +80,15 @@ def gain_bounds(
                 step = next(path, None)
             if step is None:
                 break
-            _, kappa, gap = step
+            at, kappa, gap = step
+            multipliers = form.data.rows.sizes(at.samples)
             if gap <= DIGITS * kappa or kappa * K <= _NEGLIGIBLE * smallest:
                 break
-            yield max(kappa - gap, 0.0) * K, kappa * K
+            yield max(kappa - gap, 0.0) * K, kappa * K, multipliers
         gain = kappa * K if kappa * K > _NEGLIGIBLE * smallest else 0.0
-        yield gain, gain
+        yield gain, gain, multipliers
         return
-    yield np.inf, np.inf
+    yield np.inf, np.inf, np.zeros(0)
 
 
 def response_sizes(problem: MixedProblem) -> tuple[float, float]:
@@ -164,6 +168,22 @@ def selected(problem: MixedProblem, masks: tuple[Mask, ...]) -> MixedProblem:
     """The problem with these points of its responses."""
     parts = tuple(f.select(mask) for f, mask in zip(problem.frequency, masks, strict=True))
     return dataclasses.replace(problem, frequency=parts)
+
+
+def pressing(problem: MixedProblem, multipliers: Real, most: int) -> tuple[Mask, ...] | None:
+    """Masks of the points, `most` of them, that ask for the gain: with the largest multipliers of their bounds, (M,).
+
+    None where a response has none of them, or the multipliers are none.
+    """
+    places = [bounded_points(f) for f in problem.frequency]
+    ends = np.cumsum([one.size for one in places])
+    if not places or multipliers.size < ends[-1]:
+        return None
+    parts = np.split(multipliers[: ends[-1]], ends[:-1])
+    sums = [np.bincount(at, one, f.omega.size) for at, one, f in zip(places, parts, problem.frequency, strict=True)]
+    least = np.sort(np.concatenate(sums))[-most:][0]
+    masks = tuple(one >= least for one in sums)
+    return masks if all(mask.any() for mask in masks) else None
 
 
 def missed(problem: MixedProblem, masks: tuple[Mask, ...], model: StateSpace) -> tuple[Mask, ...] | None:

@@ -8,18 +8,28 @@ import pytest
 import robustid as rid
 from robustid.advice import computable_step, gain_curve, kept_gains, prior, says_something, suggest_prior, useful_prior
 from robustid.advice.sensitivity import guaranteed
-from robustid.advice.smallest_gain import gain_bounds, missed, selected, smallest_gain, thinned
+from robustid.advice.smallest_gain import gain_bounds, missed, pressing, selected, smallest_gain, thinned
 from robustid.core import Budget
 from robustid.errors import SizeError
-from robustid.identification.formulation import formulate
+from robustid.identification.formulation import bounded_points, formulate
 from support.cases import seeds
 from support.interrupts import ctrl_c_when
+from support.mimo_data import real_poles, response
 from support.structure import ANY, about_structure
 
 
 def dense(lines=150, seed=0):
     """Many frequency points of the structure, its light mode in the parametric part, the damped one left to the rest."""
     return about_structure(rid.datasets.flexible_structure(seed=seed, lines=lines), 1.0, 1.5)
+
+
+def without_modes(seed, lines=150):
+    """Many frequency points of three real poles, which the non-parametric part has to be."""
+    omega, rng = np.linspace(0.02, 3.0, lines), np.random.default_rng(seed)
+    plant = real_poles(seed, 1, 1, dt=1.0)
+    values = plant(np.exp(1j * omega), squeeze=False).transpose(2, 0, 1)
+    noise = 0.02 * rng.uniform(0, 1, values.shape) * np.exp(2j * np.pi * rng.uniform(size=values.shape))
+    return rid.MixedProblem(frequency=rid.FrequencyResponse(omega, values + noise, bound=0.02, dt=1.0), prior=ANY)
 
 
 def test_points_lie_densely_at_the_modes_and_everywhere_a_few():
@@ -96,7 +106,7 @@ def risen(seed, monkeypatch):
     monkeypatch.setattr(prior, "missed", more)
     for module in (prior, gain_curve):
         monkeypatch.setattr(module, "lighter", lambda whole, part, rate: part)
-    monkeypatch.setattr(prior, "_of_all", lambda problem, found, budget: found)
+    monkeypatch.setattr(prior, "gains_of_all", lambda problem, few, budget: few)
     monkeypatch.setattr(prior, "identify", lambda *_, **__: problem)
     monkeypatch.setattr(type(problem), "model", None, raising=False)
     return problem, every, asked
@@ -121,16 +131,17 @@ def test_bounds_of_the_smallest_gain_close_on_it(lines):
     problem = dense(lines)
     pairs = list(gain_bounds(problem, 1.05))
     gain = smallest_gain(problem, 1.05)
-    below, above = np.array(pairs).T
+    below, above = np.array([one[:2] for one in pairs]).T
     assert len(pairs) > 3
-    assert pairs[-1] == (gain, gain)
+    assert pairs[-1][:2] == (gain, gain)
     assert np.all(below <= gain)
     assert np.all(above >= gain)
     assert np.all(np.diff(above) <= 0)
 
 
 @pytest.mark.parametrize("seed", seeds(5, 100))
-def test_the_gain_of_all_points_is_that_of_a_search_at_every_decay_rate(seed, monkeypatch):
+@pytest.mark.parametrize("points", [False, True])
+def test_the_gain_of_all_points_is_that_of_a_search_at_every_decay_rate(seed, points, monkeypatch):
     # The gains of few points are known, those of all of them come closer from both sides; infinite from one rate on, or nowhere.
     frf = rid.FrequencyResponse(np.linspace(0.1, 3.0, 30), np.ones(30), bound=0.01, dt=1.0)
     problem, rng = rid.MixedProblem(frequency=frf, prior=ANY), np.random.default_rng(seed)
@@ -141,19 +152,30 @@ def test_the_gain_of_all_points_is_that_of_a_search_at_every_decay_rate(seed, mo
     def closer(_, rate, *__):
         gain = every[int(np.argmin(np.abs(rates - rate)))]
         for part in (*(0.5 ** np.arange(10)), 0.0):
-            yield (gain * (1 - part), gain * (1 + part)) if np.isfinite(gain) else (gain, gain)
+            bounds = (gain * (1 - part), gain * (1 + part)) if np.isfinite(gain) else (gain, gain)
+            yield *bounds, np.ones(30 * points)
 
-    monkeypatch.setattr(prior, "gain_bounds", closer)
-    start = prior._result(problem, gain_curve.GainCurve(rates, few), np.full(9, np.nan), 10)
-    best = prior._of_all(problem, start, Budget(None, None, "looking for a prior"))
+    def of_points(_, rate, *__):
+        k = int(np.argmin(np.abs(rates - rate)))
+        asked.append(k)
+        return few[k] + rng.uniform() * (min(every[k], 2 * few[k]) - few[k])
+
+    asked = []
+    monkeypatch.setattr(gain_curve, "gain_bounds", closer)
+    monkeypatch.setattr(gain_curve, "smallest_gain", of_points)
+    monkeypatch.setattr(gain_curve, "lighter", lambda whole, part, rate: part)
+    start = gain_curve.GainCurve(rates, few)
+    best = gain_curve.gains_of_all(problem, start, Budget(None, None, "looking for a prior"))
     slopes = gain_curve.GainCurve(rates, every).slopes(problem)
     if np.all(np.isinf(slopes)):
-        assert best.prior is None
+        assert np.all(np.isinf(best.gains))
         return
     k = int(np.argmin(slopes))
-    assert best.prior.decay_rate == rates[k]
+    assert best.knee(problem) == k
     assert best.gains[k] == every[k]
     assert np.all(best.gains <= every)
+    assert points or not asked
+    assert len(asked) == len(set(asked))
 
 
 @pytest.mark.parametrize("count", [5, pytest.param(20, marks=pytest.mark.slow)])
@@ -244,3 +266,32 @@ def test_where_no_class_of_the_default_rates_holds_the_points_slower_ones_are_tr
     found = suggest_prior(problem)
     assert found.prior.decay == default[0] / 2
     assert rid.identify(dataclasses.replace(problem, prior=found.prior)).consistent
+
+
+@pytest.mark.parametrize("rate", [1.05, 1.1, 1.2])
+def test_points_that_ask_for_the_gain_ask_for_nearly_all_of_it(rate):
+    problem = without_modes(0)
+    *_, (_, gain, multipliers) = gain_bounds(problem, rate)
+    masks = pressing(problem, multipliers, 30)
+    assert sum(mask.sum() for mask in masks) <= 33
+    few = smallest_gain(selected(problem, masks), rate, problem)
+    assert few == pytest.approx(gain, rel=0.01)
+    weak = tuple(~mask for mask in masks)
+    assert smallest_gain(selected(problem, weak), rate, problem) < few
+    assert pressing(problem, np.zeros(0), 30) is None
+
+
+@pytest.mark.parametrize("joint", ["entry", "column", "matrix"])
+def test_bounds_are_those_of_their_points(joint):
+    """The rows that change with the values at one point are those that say so."""
+    frf = response(0, joint, missing=joint != "matrix")
+    problem = rid.MixedProblem(frequency=frf, prior=ANY)
+    rows = formulate(problem).data.rows
+    places = bounded_points(frf)
+    assert places.size == rows.cones
+    for point in range(frf.omega.size):
+        values = frf.values.copy()
+        values[point] *= 2
+        other = dataclasses.replace(problem, frequency=dataclasses.replace(frf, values=values))
+        moved = rows.sizes(formulate(other).data.rows.y - rows.y) > 0
+        assert np.array_equal(moved, places == point)

@@ -1,7 +1,7 @@
 """The infinite problem as a finite one: functions, rows, the map X(x), in one of four forms."""
 
 from robustid.identification.entries import SINGLE, Entries
-from robustid.identification.formulation.assembly import initial_state, measured_entries
+from robustid.identification.formulation.assembly import bounded_points, initial_state, measured_entries
 from robustid.identification.formulation.base import Formulation
 from robustid.identification.formulation.choice import FORMS, formulate, formulate_in, formulate_over, lightest
 from robustid.identification.formulation.classical import ClassicalFormulation
@@ -34,6 +34,7 @@ __all__ = [
     "SectionsFormulation",
     "TaylorFormulation",
     "ToldApart",
+    "bounded_points",
     "check_equations",
     "formulate",
     "formulate_in",

@@ -189,6 +189,17 @@ def measured_entries(frf: FrequencyResponse | TangentialResponse) -> list[tuple[
     return [(int(i), int(j)) for j, i in np.argwhere(used.T)]
 
 
+def bounded_points(frf: FrequencyResponse | TangentialResponse) -> NDArray[np.intp]:
+    """Number of the frequency point of every bound, in the order of the rows, (M,)."""
+    used = frf.bound.used
+    if frf.bound.joint == "matrix":
+        return np.arange(len(used))
+    if frf.bound.joint == "column":
+        columns = sorted({column for _, column in measured_entries(frf)})
+        return np.concatenate([np.flatnonzero(used[:, :, column].any(axis=1)) for column in columns])
+    return np.concatenate([np.flatnonzero(used[:, row, column]) for row, column in measured_entries(frf)])
+
+
 def _complex_block(y: Numbers, E: Columns, columns: slice, P: Numbers, tail: Real) -> Block:
     return Block(y, E, columns, P, np.zeros((y.size, 0)), np.ones(y.size), tail, np.arange(y.size), True)
 
