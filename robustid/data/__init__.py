@@ -11,7 +11,7 @@ from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, Freque
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.inverse_response import inverse_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
-from robustid.data.prepare import decimate, detrend, sample_time, uniform_step
+from robustid.data.prepare import FEW, decimate, detrend, longest_part, named_part, sample_time, uniform_step
 from robustid.data.response_parts import ENTRIES, LEVELS
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
@@ -21,6 +21,7 @@ stored(Bound, Caveat, Fault, FaultKind, FrequencyResponse, TangentialResponse, T
 
 __all__ = [
     "ENTRIES",
+    "FEW",
     "INITIAL",
     "LEVELS",
     "NONLINEAR",
@@ -53,7 +54,9 @@ __all__ = [
     "flexible_structure",
     "inverse_response",
     "joint_radius",
+    "longest_part",
     "multisine",
+    "named_part",
     "nonlinear_records",
     "points_at",
     "sample_time",

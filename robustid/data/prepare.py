@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from typing import cast
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +22,7 @@ _UNIFORM = 1e-6  # relative difference of steps that are called the same
 # Of instants that were rounded: the unit of their last place at most, in steps, and in lengths of the record, of which it is the
 # error of the step; and most digits.
 _LAST_PLACE, _OF_LENGTH, _DIGITS = 0.1, 1e-5, 12
-_GAP, _FEW = 1.5, 100  # median steps from which on samples are missing; samples of a part that is worth a word
+_GAP, FEW = 1.5, 100  # median steps from which on samples are missing; samples of a part that is worth a word
 _REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
 
@@ -264,8 +263,13 @@ def _are_multiples(values: Real, unit: Real | float) -> bool:
     return bool(np.all(np.abs(count - np.round(count)) <= 4 * np.finfo(float).eps * count))
 
 
-def uniform_step(time: np.ndarray, samples: int, names: Mapping[str, object] | None = None) -> float:
-    """Sample time of instants that are uniform; else a sentence, which tells the part of the arrays by roles to use."""
+def named_part(first: int, end: int) -> Remedy:
+    """Words for the samples from `first` to before `end` of all arrays of a record."""
+    return Remedy({}, f"`fields`, as u[{first}:{end}], of the time and all signals")
+
+
+def uniform_step(time: np.ndarray, samples: int, part: Callable[[int, int], Remedy] = named_part) -> float:
+    """Sample time of instants that are uniform; else a sentence, with what names the samples from one to before another."""
     if time.shape != (samples,):
         words = f"the time has shape {time.shape} where `u` has {samples} samples; give "
         if time.ndim == 1 and 1 < time.size != samples and samples > 1:
@@ -284,7 +288,7 @@ def uniform_step(time: np.ndarray, samples: int, names: Mapping[str, object] | N
         raise InputError(
             f"the time is not uniform: from {time[k]:.9g} s (sample {k}) to {time[k + 1]:.9g} s the step is"
             f" {steps[k]:.6g} s, the median step {usual:.6g} s; ",
-            *_without_gap(time, steps > _GAP * usual, names or {}),
+            *_without_gap(time, steps > _GAP * usual, part),
             "resample the record, or give `dt`",
         )
     return float(step)
@@ -294,26 +298,18 @@ def _is_uniform(time: Real, step: float) -> bool:
     return bool(np.max(np.abs(np.diff(time) - step)) <= _UNIFORM * step) or _rounded(time, step)
 
 
-def _without_gap(time: Real, gap: NDArray[np.bool_], names: Mapping[str, object]) -> list[str | Remedy]:
+def _without_gap(time: Real, gap: NDArray[np.bool_], named: Callable[[int, int], Remedy]) -> list[str | Remedy]:
     """Advice to use the longest stretch without a gap, where it is uniform; none where there is none."""
     ends = np.concatenate([[0], np.flatnonzero(gap) + 1, [time.size]])
     k = int(np.argmax(np.diff(ends)))
     first, end = ends[k : k + 2].tolist()
     part = time[first:end]
-    if not gap.any() or part.size < _FEW or not _is_uniform(part, float(part[-1] - part[0]) / (part.size - 1)):
+    if not gap.any() or part.size < FEW or not _is_uniform(part, float(part[-1] - part[0]) / (part.size - 1)):
         return []
-    words = (
-        f"samples are missing there; the longest part without a gap are the samples {first} to {end - 1}: name it by "
-    )
-    if not names:
-        return [words, f"`fields`, as u[{first}:{end}], of the time and all signals, "]
-    return [words, Remedy({"fields": {role: _part(name, first, end) for role, name in names.items()}}), ", "]
+    return ["samples are missing there; ", *longest_part(first, end, named), ", "]
 
 
-def _part(name: object, first: int, end: int) -> object:
-    """Address of a part of an array, or of each of several."""
-    return (
-        [_part(one, first, end) for one in cast("list[object]", name)]
-        if isinstance(name, list)
-        else f"{name}[{first}:{end}]"
-    )
+def longest_part(first: int, end: int, named: Callable[[int, int], Remedy]) -> list[str | Remedy]:
+    """Advice to use the samples from `first` to before `end`."""
+    words = f"the longest part without a gap are the samples {first} to {end - 1}: name it by "
+    return [words, named(first, end)]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import EllipsisType
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from robustid.errors import InputError
+from robustid.errors import InputError, Remedy
 
 Index = int | slice | EllipsisType
 
@@ -72,6 +72,15 @@ def expanded(what: str, index: tuple[Index, ...], shape: tuple[int, ...]) -> tup
     return tuple(
         part for part in (*index[:place], *whole, *index[place + len(at) :]) if not isinstance(part, EllipsisType)
     )
+
+
+def part_of(names: Mapping[str, object], first: int, end: int) -> Remedy | None:
+    """Addresses of the samples from `first` to before `end` of arrays by roles; None where one is a part of an array already."""
+    listed = {role: cast("list[str]", one if isinstance(one, list) else [one]) for role, one in names.items()}
+    if any(parse(one) is not None for several in listed.values() for one in several):
+        return None
+    parts = {role: [f"{one}[{first}:{end}]" for one in several] for role, several in listed.items()}
+    return Remedy({"fields": {role: one if isinstance(names[role], list) else one[0] for role, one in parts.items()}})
 
 
 def columns(address: Address, shape: tuple[int, ...]) -> list[str]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from robustid.core import Options, as_float, as_positive
-from robustid.data import FrequencyResponse, TimeRecord, uniform_step
+from robustid.data import FEW, FrequencyResponse, TimeRecord, longest_part, named_part, uniform_step
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.formats import units
-from robustid.formats.addresses import TIME_AXES, parse
+from robustid.formats.addresses import TIME_AXES, part_of
 from robustid.formats.role_lookup import Lookup, flat, seconds
 from robustid.formats.role_names import axis_role
 
@@ -209,16 +209,32 @@ def as_time(lookup: Lookup, options: Options) -> TimeRecord | list[TimeRecord]:
         if side not in options and len(labels) == (1 if signals[role].ndim == 1 else signals[role].shape[1]):
             options[side] = labels
     if "dt" not in options:
-        options["dt"] = time_step(lookup, len(signals["u"]), names)
-    for role in ("u", "y"):
-        rows = np.isnan(signals[role].reshape(len(signals[role]), -1)).any(axis=1)
-        if np.any(rows) and "bound" not in signals:
-            first = int(np.argmax(rows))
-            raise InputError(
-                f"{names[role]!r} has no value in {int(rows.sum())} of {rows.size} samples, the first is sample {first}: make"
-                " files of the samples before and behind the gap, or fill it"
-            )
+        options["dt"] = time_step(lookup, len(signals["u"]), _namer(lookup, names))
+    if "bound" not in signals and len(signals["u"]) == len(signals["y"]):
+        _refuse_gaps(lookup, names, signals)
     return TimeRecord(**signals, **options)
+
+
+def _refuse_gaps(lookup: Lookup, names: Mapping[str, object], signals: Mapping[str, np.ndarray]) -> None:
+    """Refuse signals without a value in some samples, with the longest part that has them all."""
+    gone = {role: np.isnan(signals[role].reshape(len(signals[role]), -1)).any(axis=1) for role in ("u", "y")}
+    if (role := next((role for role, rows in gone.items() if rows.any()), None)) is None:
+        return
+    rows, ends = gone[role], np.flatnonzero(np.concatenate([[True], gone["u"] | gone["y"], [True]]))
+    k = int(np.argmax(np.diff(ends)))
+    first, end = int(ends[k]), int(ends[k + 1]) - 1
+    part = [*longest_part(first, end, _namer(lookup, names)), ", or fill the gaps"] if end - first >= FEW else []
+    raise InputError(
+        f"{names[role]!r} has no value in {int(rows.sum())} of {rows.size} samples, the first is sample {int(np.argmax(rows))}: ",
+        *(part or ["make files of the samples before and behind the gap, or fill it"]),
+    )
+
+
+def _namer(lookup: Lookup, names: Mapping[str, object]) -> Callable[[int, int], Remedy]:
+    """Names for a part of a record: addresses of the same samples of all its arrays, where these are whole."""
+    time = lookup.find("time")
+    arrays = names if time is None else {"time": time, **names}
+    return lambda first, end: part_of(arrays, first, end) or named_part(first, end)
 
 
 def _is_reference(lookup: Lookup, name: object, names: Mapping[str, object]) -> bool:
@@ -252,15 +268,13 @@ def _realisations(
     return records if "realisation" in named else records[0]
 
 
-def time_step(lookup: Lookup, samples: int, names: Mapping[str, object] | None = None) -> float:
-    """Sample time of a record, of arrays by roles: of its time column, which goes before a stored number that wasn't named."""
+def time_step(lookup: Lookup, samples: int, named: Callable[[int, int], Remedy] = named_part) -> float:
+    """Sample time of a record: of its time column, which goes before a stored number that wasn't named."""
     time = None if "dt" in lookup.fields else lookup.find("time")
     # A scalar T is found as "t" too.
     if time is not None and not (time == "T" and lookup.columns[time].size == 1 < samples):  # type: ignore[union-attr]
         column = lookup.column("time", time)
-        arrays = {"time": time, **(names or {})}
-        whole = bool(names) and all(parse(str(name)) is None for one in arrays.values() for name in flat(one))
-        return uniform_step(column, samples, arrays if whole else None) * seconds(lookup, time)
+        return uniform_step(column, samples, named) * seconds(lookup, time)
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
         seconds(lookup, unsure)
     lookup.refuse_step()

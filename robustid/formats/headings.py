@@ -22,7 +22,9 @@ QUANTITIES = {"z": "Z", "impedance": "Z", "impedanz": "Z", "imp": "Z", "y": "Y",
               "frf": "H", "spl": "SPL"}  # fmt: skip
 AXES = {
     **dict.fromkeys(("frequency", "frequencies", "freq", "f", "stimulus", "frequenz"), "frequency"),
-    **dict.fromkeys(("time", "t", "times", "zeit"), "time"),
+    **dict.fromkeys(
+        ("time", "t", "times", "zeit", "timestamp", "time stamp", "datetime", "date time", "date/time"), "time"
+    ),
 }
 LEVELS = ("gain", "amplitude", "level")  # magnitudes if they are in dB
 _SILENT = {"log", "lin", "of", "part", "response", "trace", "value", "data"}  # they change nothing

@@ -10,11 +10,15 @@ import numpy as np
 from robustid.errors import FileFormatError
 from robustid.formats.table import NAMELESS, Table, check_growth, keep, said
 
+_WORKBOOKS = ("xl/workbook.xml", "content.xml")
+
 
 def read_npz(path: Path) -> Table:
     """Arrays of an archive, by their names; the fields of a structured array by ``name.field``."""
     try:
         with np.load(path, allow_pickle=False) as archive:
+            if any(name in archive.zip.namelist() for name in _WORKBOOKS):
+                raise FileFormatError(f"{path.name} is a workbook of a spreadsheet; export its sheet as text (.csv)")
             for info in archive.zip.infolist():
                 check_growth(path, info.filename, info.file_size, info.compress_size)
                 with archive.zip.open(info) as member:

@@ -15,6 +15,7 @@ from robustid.core import Record, saved_kind
 from robustid.errors import FileFormatError, InputError, InputTypeError
 from robustid.formats.diagnostics import MARK, read_diagnostics
 from robustid.formats.hdf5 import read_hdf5
+from robustid.formats.json_files import read_json
 from robustid.formats.matlab import read_matlab4, read_matlab5
 from robustid.formats.networks import read_touchstone
 from robustid.formats.numpy_files import read_npy, read_npz
@@ -91,13 +92,15 @@ def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Ta
         return read_touchstone
     if head.lstrip().startswith(b"<?xml") and (MARK in head):
         return read_diagnostics
+    if suffix == ".json" and head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
+        return read_json
     if _UNIVERSAL.match(head) or suffix in {".uff", ".unv"}:
         return read_universal
     if suffix in TEXTS or head[:2] in (b"\xff\xfe", b"\xfe\xff") or not _BINARY.search(head):
         return functools.partial(read_text, decimal=decimal)
     raise FileFormatError(
         f"{path.name} isn't a file that robustid reads; give a table of text (.csv, .txt, ...),"
-        " .npz (numpy.savez with names), .npy, .mat (v5 or v7.3), .h5, .uff (58) or Touchstone (.s1p, .s2p, ...)"
+        " .npz (numpy.savez with names), .npy, .mat (v5 or v7.3), .h5, .json, .uff (58) or Touchstone (.s1p, .s2p, ...)"
     )
 
 

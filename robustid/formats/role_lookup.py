@@ -118,8 +118,18 @@ class Lookup:
         frequency = (self.find("omega") or self.find("freq_hz")) is not None
         time = self.find("u") is not None and self.find("y") is not None
         if frequency == time:
-            return "frequency" if not frequency and self.unsure("frequency") else None
+            return "frequency" if not frequency and self._rises(self.unsure("frequency")) else None
         return "frequency" if frequency else "time"
+
+    def _rises(self, name: str | None) -> bool:
+        """Tell whether a column rises or falls all the time: beside a time, one that doesn't is a force "F", and no frequency."""
+        if name is None or self.find("time") is None:
+            return name is not None
+        values = self.columns[name]
+        if isinstance(values, FileFormatError) or not np.isrealobj(values):
+            return False
+        steps = np.diff(values.ravel().astype(float))
+        return bool(np.all(steps > 0) or np.all(steps < 0))
 
     def sample_time(self) -> float | None:
         """A stored sample time or rate: a variable of one number, never a column of a text file."""

@@ -11,6 +11,7 @@ from typing import IO, NamedTuple
 import numpy as np
 
 from robustid.errors import FileFormatError, Remedy
+from robustid.formats.clock_times import Row, in_seconds, tells_clock_times
 from robustid.formats.table import Table
 from robustid.formats.text_layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
 
@@ -26,9 +27,6 @@ _REMARKS = 200  # lines of remarks of which the last may hold the names
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
-Row = tuple[int, str]  # number and text of a line
-
-
 def read_text(path: Path, decimal: str | None = None) -> Table:
     """Columns of a text file by their names, else by their addresses; `decimal` is the mark where the numbers don't say."""
     try:
@@ -37,6 +35,10 @@ def read_text(path: Path, decimal: str | None = None) -> Table:
             file.seek(0)
             rows = section_of(path.name, _rows(path, file))
             head = next(_blocks(rows, _HEAD, _HEAD_TEXT), list[tuple[int, str]]())
+            clock = any(tells_clock_times(line) for _, line in head[-_FEWEST:] if not is_comment(line))
+            if clock:
+                rows = in_seconds(itertools.chain(head, rows))
+                head = [*itertools.islice(rows, len(head))]
             layout = layout_of(path.name, head, decimal)
             body = (row for row in itertools.chain(head, rows) if row[0] >= layout.first)
             footer: list[int] = []
@@ -45,6 +47,7 @@ def read_text(path: Path, decimal: str | None = None) -> Table:
         raise FileFormatError(f"{path.name} isn't UTF-8 text; export it as comma-separated text (UTF-8)") from None
     how = layout.words
     how += f", {_lines(footer)} at the end without numbers left out" if footer else ""
+    how += ", times of day as seconds" if clock else ""
     how += "" if encoding.startswith("utf-8") else f", {encoding}"
     description = meta[len(_MARK) :] if meta.startswith(_MARK) else None
     return Table(path, columns, description, how=how, text=True)

@@ -1,5 +1,7 @@
 """Tables of text as instruments, spreadsheets and programs write them: numbers compared, or the sentence that leads on."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -110,3 +112,73 @@ def test_frequencies_by_start_and_step(tmp_path):
     ):
         with pytest.raises(InputError, match=sentence):
             load(path, **options)
+
+
+def of_day(seconds):
+    seconds %= 86400
+    return f"{int(seconds // 3600):02d}:{int(seconds // 60) % 60:02d}:{seconds % 60:06.3f}"
+
+
+def half_days(seconds):
+    hours, rest = divmod(int(seconds) % 86400, 3600)
+    return f"{(hours - 1) % 12 + 1}:{rest // 60:02d}:{rest % 60:02d} {'AM' if hours < 12 else 'PM'}"
+
+
+@pytest.mark.parametrize("start", [0.0, 43180.0, 86395.0])  # midnight, noon, and over midnight
+@pytest.mark.parametrize(
+    ("head", "line", "step", "clock"),
+    [
+        ("time,u,y", "2026-11-30 {},{},{}", 0.125, of_day),
+        ("Timestamp;u;y", "30.11.2026 {};{},0;{},5", 0.125, lambda seconds: of_day(seconds).replace(".", ",")),
+        ("Zeit;u;y", "{};{},0;{},5", 0.125, of_day),
+        ("time\tu\ty", "2026-11-30T{}Z\t{}\t{}", 0.125, of_day),
+        ("Date/Time,u,y", "11/30/2026 {},{},{}", 1.0, half_days),
+        ("Date,time,u,y", "2026-11-30,{},{},{}", 0.125, of_day),
+    ],
+)
+def test_times_of_day_are_seconds(tmp_path, head, line, step, clock, start):
+    rows = [line.format(clock(start + step * k), k % 7, k % 5) for k in range(80)]
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows]))
+    record = load(tmp_path / "log.csv")
+    assert record.dt == pytest.approx(step, rel=1e-9)
+    np.testing.assert_array_equal(record.u[:, 0], np.arange(80) % 7)
+    assert "times of day as seconds" in contents(tmp_path / "log.csv").how
+
+
+def test_no_part_of_another_number_is_a_time_of_day(tmp_path):
+    (tmp_path / "data.csv").write_text("time,u,y\n" + "".join(f"{k},{k % 3},12.5\n" for k in range(9)) + "9,1:2:3,4\n")
+    with pytest.raises(FileFormatError, match="'1:2:3' is not a number"):
+        load(tmp_path / "data.csv")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_of_a_record_with_gaps_the_longest_part_is_told(tmp_path, suffix):
+    path, values = tmp_path / f"gap{suffix}", np.random.default_rng(0).standard_normal((2, 400))
+    columns = {"t": np.arange(400) * 1e-3, "u": values[0], "y": values[1]}
+    columns["y"][[30, 40]] = columns["u"][390] = np.nan
+    if suffix == ".csv":
+        np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    else:
+        np.savez(path, **columns)
+    with pytest.raises(InputError, match=r"no value in 1 of 400 .* without a gap are the samples 41 to 389") as refused:
+        load(path)
+    record = load(path, **refused.value.remedy)
+    np.testing.assert_array_equal(record.y[:, 0], columns["y"][41:390])
+
+
+def test_beside_a_time_a_column_that_does_not_rise_is_no_frequency(tmp_path):
+    u, y = np.random.default_rng(0).standard_normal((2, 60))
+    path = tmp_path / "rig.txt"
+    np.savetxt(path, np.c_[np.arange(60) * 1e-3, u, y], header="t\tF\tx", delimiter="\t", comments="")
+    with pytest.raises(InputError, match="no 'u' found") as refused:
+        load(path)
+    assert refused.value.remedy == {"fields": {"time": "t", "u": "F", "y": "x"}}
+
+
+def test_a_json_object_holds_its_lists_by_name(tmp_path):
+    values = np.random.default_rng(0).standard_normal((2, 60))
+    path = tmp_path / "rig.json"
+    path.write_text(json.dumps({"u": values[0].tolist(), "y": values[1].tolist(), "Ts": 0.125, "note": "bench"}))
+    record = load(path)
+    assert record.dt == 0.125
+    np.testing.assert_array_equal(record.y[:, 0], values[1])
