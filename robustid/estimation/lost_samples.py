@@ -15,6 +15,10 @@ _FEWEST = 300  # samples of a part that is compared
 _LAGS = 500  # samples that may be missing, at most
 _LEAST = 2  # one sample may be the drift of a clock
 _CERTAIN = 8.0  # standard deviations by which another shift fits better
+_FOLLOWS, _AS_AT_FIRST = (
+    0.5,
+    4.0,
+)  # of the power of what is followed; times what the first part leaves: what is left once shifted
 _END = LONG // 4  # samples at the end of a very long record
 _BESIDE = 0.12  # of the record, on either side of the place, where the shift has to be what it says
 
@@ -74,6 +78,9 @@ def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
         return None
     before = (w - v) ** 2
     after = (w - np.roll(v, -shift)) ** 2
+    # Of frequencies that didn't move the first part its model says nothing: what it foretells of them follows nothing.
+    if after[last].mean() > max(_FOLLOWS * np.mean(w[last] ** 2), _AS_AT_FIRST * before[: samples // 3].mean()):
+        return None
     usable = slice(lags, samples - lags)
     # Left of the place the first fits, right of it the other.
     gain = np.cumsum((before - after)[usable])

@@ -8,7 +8,7 @@ import scipy.signal
 import robustid as rid
 from robustid.data import FaultKind
 from robustid.estimation.repetition import found_period
-from support.cases import slow
+from support.cases import seeds, slow
 from support.fault_plants import recipes, step
 from support.pairwise import every_one
 
@@ -253,3 +253,18 @@ def test_an_input_that_only_a_controller_moves_is_told(num, den):
         u[k] = -past - sum(m * u[k - i] for i, m in enumerate(den) if k >= i > 0)
     faults = rid.prepare.record_faults(rid.TimeRecord(u, y, dt=0.01))
     assert "feedback" in [fault.kind for fault in faults]
+
+
+@pytest.mark.parametrize("seed", seeds(3, 30))
+def test_sweeps_in_a_loop_have_lost_no_samples(seed):
+    """What the first third foretells of frequencies that did not move it is no delay, put in or lost."""
+    rng, samples, dt = np.random.default_rng(seed), 12000, 2e-3
+    plant = control.c2d(control.ss(control.tf([rng.uniform(20, 60)], [1, 6, 0]) * control.tf([1], [0.02, 1])), dt)
+    gain, time = rng.uniform(0.3, 0.9), np.arange(samples) * dt
+    sensitivity = control.feedback(control.ss([], [], [], [[1.0]], dt), gain * plant)
+    r = 0.5 * scipy.signal.chirp(time, 0.2, time[-1], 30)
+    noise = 0.002 * rng.standard_normal(samples)
+    y = control.forced_response(gain * plant * sensitivity, time, r).outputs
+    y = y + control.forced_response(sensitivity, time, noise).outputs
+    given = rid.TimeRecord(gain * (r - y), y, dt=dt, reference=r)
+    assert FaultKind.LOST not in {fault.kind for fault in rid.prepare.record_faults(given)}
