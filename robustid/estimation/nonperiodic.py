@@ -12,6 +12,7 @@ from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
 from robustid.estimation.common_poles import ModeEnds, predicted, united
+from robustid.estimation.divided import divided, widening
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.excited_lines import checked_lines, driven_lines, excited_lines, window_means
 
@@ -69,9 +70,13 @@ def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, i
     values, of_noise = found.values, found.of_noise
     of_changes, unsure = (stacked(part)[:, None, :] * np.eye(of_noise.shape[1]) for part in (changes, found.unsure))
     parts, others = (of_noise + (of_changes + unsure), of_noise, of_changes), values + found.doubt
+    driven = driven_lines(x, half)[index]
     if loop:
+        wider, told = widening(values, parts[0], ny, dof)
+        driven &= told
         others = divided(others, of_noise, ny)[0]
-        parts, values = [divided(values, part, ny)[1] for part in parts], divided(values, of_noise, ny)[0]
+        parts = [divided(values, part, ny)[1] * wider[:, None, None] for part in parts]
+        values = divided(values, of_noise, ny)[0]
     covariance, *levels = parts
     noise, changed = (np.sqrt(variances(part, values.shape)) for part in levels)
     known = tuple(united(modes)) if np.any(changes) else found.modes  # of a loop they are not those of the plant in it
@@ -92,7 +97,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, i
         changed=changed if np.any(changes) else None,
         doubt=others - values if np.any(found.doubt) else None,
         caveats=(Caveat.CHANGING,) * bool(np.any(changes)),
-        driven=driven_lines(x, half)[index],
+        driven=driven,
         modes=() if loop else known,
     )
 
@@ -375,16 +380,6 @@ def _pseudo_inverses(design: np.ndarray) -> np.ndarray:
     if np.any(small):
         r = r + np.where(small, _FLAT**2, 0.0)[:, None, None] * np.eye(r.shape[1])
     return np.linalg.solve(r, q.conj().swapaxes(1, 2)) / size[:, :, None]
-
-
-def divided(values: np.ndarray, covariance: np.ndarray, ny: int) -> tuple[np.ndarray, np.ndarray]:
-    """``G = G_y G_u^{-1}`` from the responses of (y, u) to the reference; dG = (dG_y - G dG_u) G_u^{-1} to first order."""
-    to_u = values[:, ny:]
-    inverse = np.linalg.inv(to_u)
-    response = values[:, :ny] @ inverse
-    mix = np.concatenate([np.broadcast_to(np.eye(ny), (len(values), ny, ny)), -response], axis=2)
-    jacobian = np.einsum("fba,fcd->facbd", inverse, mix).reshape(len(values), response[0].size, -1)
-    return response, jacobian @ covariance @ jacobian.conj().swapaxes(1, 2)
 
 
 def _rounding(u: np.ndarray, y: np.ndarray, values: np.ndarray, index: np.ndarray, half: int) -> np.ndarray:

@@ -100,7 +100,8 @@ def _stuck(signal: Real, u: Real, where: str, starts: np.ndarray, counts: np.nda
 
 
 def _stuck_at(signal: Real, where: str, start: int, count: int) -> Fault:
-    words = f"{where} keeps the value {signal[start]:.6g} for {count} samples from sample {start} on: it was stuck"
+    kept = f"{where} keeps the value {signal[start]:.6g} for {count} samples from sample {start} on"
+    words = f"{kept}: it was stuck, the sensor or the machine"
     return Fault(FaultKind.STUCK, words, where=where, size=count)
 
 

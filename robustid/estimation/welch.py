@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from robustid.core import counted, hz_words
 from robustid.data import Caveat, TimeRecord
 from robustid.errors import InputError
+from robustid.estimation.divided import divided
 from robustid.estimation.estimate import Estimate, pooled
 from robustid.estimation.excited_lines import checked_lines, excited_lines
-from robustid.estimation.nonperiodic import divided
 
 _SEGMENTS = 8  # of half overlap, per record
 

@@ -126,7 +126,10 @@ def test_a_stuck_sensor_is_named():
     y = one.y.copy()
     y[200:260] = y[200]
     (words,) = sentences(changed(one, y=y), period=None)[:1]
-    assert words == f"output y keeps the value {y[200, 0]:.6g} for 60 samples from sample 200 on: it was stuck"
+    assert (
+        words
+        == f"output y keeps the value {y[200, 0]:.6g} for 60 samples from sample 200 on: it was stuck, the sensor or the machine"
+    )
     still = one.u.copy()
     still[200:260] = still[200]
     assert not any("stuck" in words for words in sentences(changed(one, u=still, y=y), period=None))
