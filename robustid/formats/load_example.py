@@ -17,6 +17,7 @@ from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
 from robustid.formats.table import NAMELESS, Table
 
+_ACTING = ("n", "kn", "mn", "nm", "n m", "n*m", "mnm", "a", "ma", "v", "mv")  # units of what drives a machine
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _CARTESIAN = ("real", "imag")
 _PARTS_WORDS = "'values' (complex), 'real' and 'imag', or 'magnitude' or 'magnitude_db' and 'phase_deg' or 'phase_rad'"
@@ -144,7 +145,7 @@ def _increases(values: np.ndarray) -> bool:
 def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
     """As a time record: the first half are inputs where nothing is named, else one, and outputs are those of one other unit.
 
-    Of numbered names those of the first kind are inputs, where all others are of one other kind.
+    Of numbered names those of the first kind are inputs, where all others are of one other kind; so are forces and currents.
     """
     fields: dict[str, object] = {}
     if axis is not None:
@@ -161,6 +162,8 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     inputs = rest[:half]
     if half == 1 and (alike := _alike(rest)) and (others := rest[alike:]) and _alike(others) == len(others):
         inputs, outputs = rest[:alike], others
+    elif half == 1 and (alike := _acting(rest)):
+        inputs, outputs = rest[:alike], rest[alike:]
     fields |= {"u": _one(inputs), "y": _one(outputs)}
     return [_RECORD, *_given(fields, dt), "."]
 
@@ -178,6 +181,13 @@ def _alike(names: list[str]) -> int:
     plain = [re.sub(r"\d+", "", name) for name in names]
     same = next((k for k, name in enumerate(plain) if name != plain[0]), len(plain))
     return same if same > 1 and len(set(names)) == len(names) else 0
+
+
+def _acting(names: list[str]) -> int:
+    """Number of names at the beginning of one unit that inputs have, before others of one other unit; 0 where they are none."""
+    each = [units.in_brackets(name)[1] for name in names]
+    same = next((k for k, unit in enumerate(each) if unit != each[0]), len(each))
+    return same if each[0].lower() in _ACTING and len(set(each)) == 2 and len(set(each[same:])) == 1 else 0
 
 
 def _alone(table: Table, name: str, fields: dict[str, object], dt: bool) -> list[str | Remedy]:

@@ -308,3 +308,24 @@ def test_a_class_that_stands_in_place_of_a_search_without_end_says_so():
         run, _ = class_choice.with_prior(RunFile(), problem, Surroundings(budget=Budget(seconds)))
         assert run.prior.source is source
         assert run.choices["prior"].in_place
+
+
+def test_modes_are_those_of_all_bands_of_a_response():
+    """Files of two bands of one plant, as analysers write them: the poles of the second are not left to the class."""
+    hz, rng = [np.linspace(4, 30, 40), np.linspace(28, 300, 70)], np.random.default_rng(0)
+    natural, damping = 2 * np.pi * np.array([12.0, 140.0]), np.array([0.01, 0.008])
+
+    def part(one):
+        s = 2j * np.pi * one
+        values = sum(w**2 / (s**2 + 2 * z * w * s + w**2) for w, z in zip(natural, damping, strict=True))
+        noise = 0.01 * np.abs(values) * np.exp(2j * np.pi * rng.uniform(size=one.size)) * rng.uniform(size=one.size)
+        return rid.FrequencyResponse(2 * np.pi * one, values + noise, bound=0.01 * np.abs(values))
+
+    first, second = map(part, hz)
+    whole = modes._of_all_bands([first, second])
+    assert np.all(np.diff(whole.omega) > 0)
+    assert whole.omega.size == 40 + np.sum(hz[1] > 30)
+    assert modes._of_all_bands([first, first]) is first
+    found = rid.identify_reduced([first, second], worst_case=False)
+    assert found.consistent
+    np.testing.assert_allclose(found.run_file.modes.hz, [12.0, 140.0], rtol=1e-3)

@@ -7,7 +7,7 @@ import robustid as rid
 
 COLUMNS = {
     "F1 (N),F2 (N),v1 (m/s),v2 (m/s)": (["F1 (N)", "F2 (N)"], ["v1 (m/s)", "v2 (m/s)"]),
-    "F1 (N),F2 (N),v1 (m/s)": ("F1 (N)", "F2 (N)"),  # nothing says that one is a kind of its own
+    "F1 (N),F2 (N),v1 (m/s)": (["F1 (N)", "F2 (N)"], "v1 (m/s)"),
     "force (N),a1 (g),a2 (g)": ("force (N)", ["a1 (g)", "a2 (g)"]),
     "ch1,ch2,ch3": ("ch1", "ch2"),
 }

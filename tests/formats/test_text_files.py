@@ -182,3 +182,22 @@ def test_a_json_object_holds_its_lists_by_name(tmp_path):
     record = load(path)
     assert record.dt == 0.125
     np.testing.assert_array_equal(record.y[:, 0], values[1])
+
+
+@pytest.mark.parametrize(
+    ("names", "inputs", "outputs"),
+    [
+        (("Fx [N]", "Fy [N]", "x [m]", "y [m]", "z [m]"), 2, 3),
+        (("motor [A]", "brake [A]", "speed [rad/s]"), 2, 1),
+        (("F [N]", "x [m]", "y [m]"), 1, 2),
+        (("target [mm]", "place [mm]", "motor [A]"), 1, 1),
+    ],
+)
+def test_columns_of_one_unit_of_forces_or_currents_are_the_inputs(tmp_path, names, inputs, outputs):
+    values = np.random.default_rng(0).standard_normal((60, len(names)))
+    header = ",".join(["t [s]", *names])
+    np.savetxt(tmp_path / "rig.csv", np.c_[np.arange(60) * 1e-3, values], delimiter=",", header=header, comments="")
+    with pytest.raises(InputError) as refused:
+        load(tmp_path / "rig.csv")
+    record = load(tmp_path / "rig.csv", **refused.value.remedy)
+    assert (len(record.inputs), len(record.outputs)) == (inputs, outputs)

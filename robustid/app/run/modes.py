@@ -20,7 +20,7 @@ from robustid.app.run.sources import MemberChoice
 from robustid.app.run.toml import is_array
 from robustid.bases import ParametricBasis, integrators, kautz, passive_modes, stack_bases
 from robustid.core import Budget, Real, Source, hz_scale, hz_words, pass_on
-from robustid.data import FaultKind, FrequencyResponse, TimeRecord
+from robustid.data import Bound, FaultKind, FrequencyResponse, TimeRecord
 from robustid.errors import InputError, InputTypeError, SizeError
 from robustid.estimation import delay_fault, response_faults
 from robustid.fitting import (
@@ -70,8 +70,9 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
     if not data.responses:
         around.say("looking for modes in the records")
         return dataclasses.replace(run, modes=_from_records(chosen, data.records))
-    few = chosen.count is None and not tells_modes(data.responses[0])
-    found = None if few else _in_time(data.responses[0], chosen, around)
+    frf = _of_all_bands(data.responses)
+    few = chosen.count is None and not tells_modes(frf)
+    found = None if few else _in_time(frf, chosen, around)
     if found is None:
         note = _FEW if few else _NO_TIME
         return run.changed("modes", hz=(), damping=(), delay=chosen.delay or 0, source=Source.PROGRAM, note=note)
@@ -90,6 +91,27 @@ def with_modes(run: RunFile, data: Measured, around: Surroundings) -> RunFile:
         damping_interval=damping_interval,
     )
     return dataclasses.replace(run, modes=modes)
+
+
+def _of_all_bands(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
+    """The first response with the frequency points that others, of the same entries, have outside its band."""
+    first, parts = responses[0], [responses[0]]
+    if first.bound is None or first.bound.joint == "matrix" or first.bound.tilt is not None:
+        return first
+    for one in responses[1:]:
+        new = (one.omega < min(p.omega[0] for p in parts)) | (one.omega > max(p.omega[-1] for p in parts))
+        alike = (one.values.shape[1:], one.dt) == (first.values.shape[1:], first.dt)
+        if alike and one.bound is not None and new.any():
+            parts.append(one.select(new))
+    if len(parts) == 1:
+        return first
+    omega = np.concatenate([one.omega for one in parts])
+    values, radius = (np.concatenate(a) for a in ([p.values for p in parts], [np.asarray(p.bound) for p in parts]))
+    order = np.argsort(omega, kind="stable")
+    bound = Bound(radius[order], kind=first.bound.kind)
+    return FrequencyResponse(
+        omega[order], values[order], bound=bound, dt=first.dt, inputs=first.inputs, outputs=first.outputs
+    )
 
 
 def _in_time(frf: FrequencyResponse, chosen: Modes, around: Surroundings) -> KautzSuggestion | None:
@@ -113,7 +135,9 @@ def with_faults(run: RunFile, data: Measured, around: Surroundings) -> Measured:
         found = [fault for fault in response_faults(frf) if fault not in frf.faults]
         if k == 0 and modes.hz and modes.damping is not None and modes.source is Source.DATA:
             known = {point for fault in found for point in fault.correction.split()}
-            seen = suspect_modes(frf, 2 * np.pi * np.array(modes.hz), np.array(modes.damping))
+            omega, damping = 2 * np.pi * np.array(modes.hz), np.array(modes.damping)
+            mine = omega <= (frf.omega[-1] if len(responses) > 1 else np.inf)  # others are of other bands
+            seen = suspect_modes(frf, omega[mine], damping[mine])
             for fault in seen:
                 if not known.issuperset(fault.correction.split()):
                     around.say(str(fault))
