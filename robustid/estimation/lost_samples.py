@@ -15,10 +15,7 @@ _FEWEST = 300  # samples of a part that is compared
 _LAGS = 500  # samples that may be missing, at most
 _LEAST = 2  # one sample may be the drift of a clock
 _CERTAIN = 8.0  # standard deviations by which another shift fits better
-_FOLLOWS, _AS_AT_FIRST = (
-    0.5,
-    4.0,
-)  # of the power of what is followed; times what the first part leaves: what is left once shifted
+_MOVED, _SAME, _WIDE = 0.01, 0.5, 9  # of the power at a line, and of all lines; lines that are taken together
 _END = LONG // 4  # samples at the end of a very long record
 _BESIDE = 0.12  # of the record, on either side of the place, where the shift has to be what it says
 
@@ -26,7 +23,7 @@ _BESIDE = 0.12  # of the record, on either side of the place, where the shift ha
 def lost_samples(y: Real, u: Real, where: str) -> Fault | None:
     """Samples that are missing, by the shift between input and output that fits the last third of a record."""
     third = y.size // 3
-    if third < _FEWEST or np.ptp(y) == 0:
+    if third < _FEWEST or np.ptp(y) == 0 or not _moves_as_before(u[:third], u[-third:]):
         return None
     first = min(third, LONG)
     predictors = Predictors(u[:first])
@@ -57,6 +54,19 @@ def lost_in_periods(y: Real, period: int, where: str) -> Fault | None:
     return _found(y - y.mean(), pattern, where, lags)
 
 
+def _moves_as_before(first: Real, last: Real) -> bool:
+    """Tell whether the inputs (T, nu) have most of their power at lines that moved the first part too.
+
+    Of others its model says nothing: in a sweep what it foretells of later frequencies follows nothing, and some shift is the best.
+    """
+    taper, wide = np.hanning(len(first))[:, None], np.ones(_WIDE) / _WIDE
+    powers = (
+        np.sum(np.abs(np.fft.rfft(taper * (part - part.mean(axis=0)), axis=0)) ** 2, axis=1) for part in (first, last)
+    )
+    before, now = (np.convolve(power, wide, mode="same") for power in powers)
+    return bool(np.sum(now[before >= _MOVED * now]) >= _SAME * np.sum(now))
+
+
 def _sides(a: Real, b: Real, y: Real, u: Real) -> tuple[Real, Real]:
     v = np.zeros(y.size)
     for taps, one in zip(b, u.T, strict=True):
@@ -78,9 +88,6 @@ def _found(w: Real, v: Real, where: str, lags: int) -> Fault | None:
         return None
     before = (w - v) ** 2
     after = (w - np.roll(v, -shift)) ** 2
-    # Of frequencies that didn't move the first part its model says nothing: what it foretells of them follows nothing.
-    if after[last].mean() > max(_FOLLOWS * np.mean(w[last] ** 2), _AS_AT_FIRST * before[: samples // 3].mean()):
-        return None
     usable = slice(lags, samples - lags)
     # Left of the place the first fits, right of it the other.
     gain = np.cumsum((before - after)[usable])

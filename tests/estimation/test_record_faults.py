@@ -271,3 +271,14 @@ def test_sweeps_in_a_loop_have_lost_no_samples(seed):
     y = y + control.forced_response(sensitivity, time, noise).outputs
     given = rid.TimeRecord(gain * (r - y), y, dt=dt, reference=r)
     assert FaultKind.LOST not in {fault.kind for fault in rid.prepare.record_faults(given)}
+
+
+@pytest.mark.parametrize("seed", seeds(3, 30))
+def test_sweeps_beyond_a_mode_have_lost_no_samples(seed):
+    rng, samples, dt = np.random.default_rng(seed), 20000, 2e-3
+    w = 2 * np.pi * 8
+    plant = control.c2d(control.ss(control.tf([2000], [1, 0.04 * w, w**2])), dt)
+    time = np.arange(samples) * dt
+    u = 0.5 * scipy.signal.chirp(time, 0.2, time[-1], 30)
+    y = control.forced_response(plant, time, u).outputs + 0.002 * rng.standard_normal(samples)
+    assert FaultKind.LOST not in {fault.kind for fault in rid.prepare.record_faults(rid.TimeRecord(u, y, dt=dt))}
