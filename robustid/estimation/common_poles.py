@@ -21,7 +21,7 @@ _MOST_PAIRS, _IN_VAIN = 12, 2  # pairs of poles; further ones in a row that are 
 _EQUATIONS = 3  # real equations that a parameter asks for
 _MOST, _FEWEST = 4000, 200  # lines times spectra that are fitted, and lines
 _PLACES, _APART = 4, 4  # where a further pair is tried, and lines between these
-_WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair
+_WIDTHS = (0.3, 2.0)  # lines: half-widths of a further pair; then that of real poles, which narrow ones hardly reach
 _AROUND = 14  # lines on either side whose residuals give the noise of a line
 _STILL = 0.05  # of the first line: where a pair stands for an integrator
 _MUCH = 0.5  # of the power: what a pair that is worth a start of its own may leave
@@ -148,15 +148,15 @@ class _Spectra(PoleFit):
         return poles.real + 1j * np.maximum(np.abs(poles.imag), _MEETING * np.diff(self.angle[:2]).sum())
 
     def _further(self, poles: Complex) -> Complex:
-        """The poles and a narrow pair, of those at the lines where most is left the one that leaves least."""
+        """The poles and a further pair, narrow or as wide as it is high, of those at the lines where most is left the best one."""
         left = np.abs(self.residuals(poles)).reshape(self.records, self.lines, -1)
         left = np.convolve(np.sum(left**2, axis=(0, 2)), np.ones(3), "same")
         spacing, tried, found = self.angle[1] - self.angle[0], list[int](), list[tuple[float, Complex]]()
         for k in np.argsort(-left).tolist():
             if len(tried) < _PLACES and all(abs(k - other) > _APART for other in tried):
                 tried.append(k)
-                for width in _WIDTHS:
-                    pole = np.exp(1j * (self.angle[k] + spacing / 4) - width * spacing)
+                for width in (*(lines * spacing for lines in _WIDTHS), self.angle[k]):
+                    pole = np.exp(1j * (self.angle[k] + spacing / 4) - width)
                     more = np.append(poles, pole)
                     found.append((self._cost(self.values, more), more))
         return min(found, key=lambda one: one[0])[1]
