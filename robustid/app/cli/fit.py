@@ -16,7 +16,6 @@ from robustid.app.cli.screen import Next, in_words, telling, warn
 from robustid.app.run.checks import options
 from robustid.app.run.settings import Fit, FrequencyPoints
 from robustid.app.run.sources import ResponseSource
-from robustid.core import counted
 from robustid.errors import InputError, Status
 
 if TYPE_CHECKING:
@@ -211,6 +210,7 @@ def _model_files(output: Path) -> list[Path]:
 
 def _fitted(console: Terminal, frf: FrequencyResponse, order: int, asked: Options) -> MatrixFraction:
     """The fit; at a terminal every iteration is shown."""
+    from robustid.core import counted
     from robustid.fitting import fit_mfd
 
     text = f"fitting order {order}: {counted(frf.omega.size, 'frequency point')}"

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from robustid.app.cli.steps import tell
-from robustid.core import counted
 from robustid.errors import InputError, InputTypeError, SolverError, Status
 
 if TYPE_CHECKING:
@@ -96,6 +95,8 @@ def written_words(files: Sequence[Path], most: int = _MOST_FILES) -> str:
     """The names of the files; of more in one folder, which has a page, the folder."""
     if len(files) > most and len({path.parent for path in files}) == 1:
         page = next((f"{path.name} and " for path in files if path.suffix == ".html"), "")
+        from robustid.core import counted
+
         count = len(files) - bool(page)
         return f"written: {files[0].parent}{os.sep} with {page}{counted(count, 'more file')}"
     return "written: " + (", ".join(map(str, files)) or "nothing")

@@ -12,7 +12,6 @@ from robustid.app.cli import screen
 from robustid.app.cli.command_options import AsJson, Force
 from robustid.app.cli.screen import in_words, say, step, telling
 from robustid.app.cli.written_files import check_outputs
-from robustid.core import counted
 
 if TYPE_CHECKING:
     from robustid.app.cli.terminal import Terminal
@@ -200,7 +199,7 @@ def _margin(result: Identification) -> str:
 def _bound_failures(console: Terminal, error: WorstCaseError, exact: bool) -> list[str]:
     """Print what the bounds claim; the names of what does not hold."""
     from robustid.app.answers.parts import circle_words
-    from robustid.core import rounded_up
+    from robustid.core import counted, rounded_up
 
     upper, count = error.sigma_upper, error.omega.size
     intervals = sum(map(math.isfinite, error.parameters.lower.ravel().tolist()))
