@@ -74,6 +74,11 @@ def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, i
     if loop:
         wider, told = widening(values, parts[0], ny, dof)
         driven &= told
+        if lines is None and not np.any(driven):
+            raise InputError(
+                "`record`: the reference moves the inputs at no spectral line surely more than noise does; give a larger reference,"
+                " or a longer record"
+            )
         others = divided(others, of_noise, ny)[0]
         parts = [divided(values, part, ny)[1] * wider[:, None, None] for part in parts]
         values = divided(values, of_noise, ny)[0]

@@ -13,6 +13,7 @@ from robustid.data import Caveat, TimeRecord, stacked
 from robustid.errors import InputError, Remedy
 from robustid.estimation.changes import CHANGED, added_variance
 from robustid.estimation.distortion import detected
+from robustid.estimation.divided import factors, spread_of_inputs
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.mean_periods import of_mean_periods
 from robustid.estimation.scatter import scattered
@@ -74,7 +75,7 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
     first = records[0]
     u, y, r = whole["u"][index], whole["y"][index], whole["reference"][index] if "reference" in whole else None
     blocks, periods = u.shape[1:3]
-    values, inverse, source = _response(u, y, r, index, period, first.dt)
+    values, inverse, base, source = _response(u, y, r, index, period, first.dt)
     left = y - values[:, None, None] @ u
     rounding = _rounding(records, values, inverse)
     scatter = scattered(left, inverse, values, u, index, rounding)
@@ -83,6 +84,7 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         found = detected(drive, at_inputs, at_outputs, index, values, inverse[:, 0])
         scatter = scatter.with_distortion(found)
     changes = _of_halves(left @ inverse[:, :, None])
+    wider = np.ones(index.size) if r is None else factors(spread_of_inputs(u, base), scatter.dof)[0]
     power = np.mean(np.abs(y) ** 2, axis=(2, 4)).mean(axis=1)
     rest = np.mean(np.abs(left) ** 2, axis=(2, 4)).mean(axis=1)
     rest *= blocks * periods / max(blocks * periods - 1, 1)
@@ -90,7 +92,7 @@ def _estimate(records: list[TimeRecord], index: np.ndarray, period: int, whole: 
         index=index,
         step=2 * np.pi / (period * first.dt),
         values=values,
-        covariance=scatter.covariance + stacked(changes)[:, None, :] * np.eye(values[0].size),
+        covariance=(scatter.covariance + stacked(changes)[:, None, :] * np.eye(values[0].size)) * wider[:, None, None],
         dof=scatter.dof,
         coherence=np.clip(1 - rest / np.where(power > 0, power, 1), 0, 1),
         rounding=rounding,
@@ -120,8 +122,8 @@ def _of_halves(errors: np.ndarray) -> Real:
 
 def _response(
     u: np.ndarray, y: np.ndarray, r: np.ndarray | None, index: np.ndarray, period: int, dt: float
-) -> tuple[np.ndarray, np.ndarray, str]:
-    """Values (F, ny, nu), the inverse of the inputs of every block, (F, blocks, nu, nu), and by what they were found."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
+    """Values (F, ny, nu), the inverse of the inputs of every block, (F, blocks, nu, nu), that of what moves them, and by what."""
     if r is not None and r.shape[3] == u.shape[3] and u.shape[1] > 1:
         # Indirect: responses to the reference, averaged before the division, so that noise in u biases nothing in the mean.
         by_reference = inverse_spectra(r.mean(axis=2), index, period, dt, "reference")
@@ -129,7 +131,8 @@ def _response(
         inverse, source = by_reference @ inverse_spectra(to_u, index, period, dt, "u"), "by the reference, "
     else:
         inverse, source = inverse_spectra(u.mean(axis=2), index, period, dt, "u"), ""
-    return (y.mean(axis=2) @ inverse).mean(axis=1), inverse, source
+        by_reference = inverse
+    return (y.mean(axis=2) @ inverse).mean(axis=1), inverse, by_reference, source
 
 
 def _skipped(count: int, steady: bool) -> str:
