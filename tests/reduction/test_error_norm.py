@@ -90,7 +90,7 @@ def test_equal_unstable_parts_cancel_and_others_do_not():
 test_bad_input_is_named = refusals(
     ([[1.0]], "`reduced` must be a control.StateSpace or TransferFunction", InputTypeError),
     (control.ss([[0.5]], [[1.0]], [[1.0]], 0, 0.1), "time base"),
-    (control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0), "1 inputs"),
+    (control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], 0), "1 input"),
     of=lambda other: hinf_error(mode(0.1, 1.0)[0], other),
 )
 
