@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.core import Real
+from robustid.errors import InputError
 
 _OUTSIDE = 0.05  # chance that the error of any line is larger than what it is widened for
 _MOST = 0.8  # of the answer of the inputs: errors beyond which a line tells nothing by itself
@@ -28,6 +29,16 @@ def widening(values: np.ndarray, covariance: np.ndarray, ny: int, dof: float) ->
     inverse = np.linalg.inv(values[:, ny:])
     of_u = covariance.reshape(lines, nu, nz, nu, nz)[:, :, ny:, :, ny:]
     return factors(np.einsum("fba,fjajc,fbc->f", inverse, of_u, inverse.conj(), optimize=True).real, dof)
+
+
+def some_told(told: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the lines that tell the response; refused where none does."""
+    if not np.any(told):
+        raise InputError(
+            "`record`: the reference moves the inputs at no spectral line surely more than noise does; give a larger reference,"
+            " or a longer record"
+        )
+    return told
 
 
 def factors(square: Real, dof: Real | float) -> tuple[Real, NDArray[np.bool_]]:

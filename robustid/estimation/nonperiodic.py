@@ -12,7 +12,7 @@ from robustid.data import Caveat, TimeRecord, stacked, variances
 from robustid.errors import InputError
 from robustid.estimation.changes import CHANGED, added_variance, beyond_chance
 from robustid.estimation.common_poles import ModeEnds, predicted, united
-from robustid.estimation.divided import divided, widening
+from robustid.estimation.divided import divided, some_told, widening
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.excited_lines import checked_lines, driven_lines, excited_lines, window_means
 
@@ -73,12 +73,7 @@ def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, i
     driven = driven_lines(x, half)[index]
     if loop:
         wider, told = widening(values, parts[0], ny, dof)
-        driven &= told
-        if lines is None and not np.any(driven):
-            raise InputError(
-                "`record`: the reference moves the inputs at no spectral line surely more than noise does; give a larger reference,"
-                " or a longer record"
-            )
+        driven = driven & told if lines is not None else some_told(driven & told)
         others = divided(others, of_noise, ny)[0]
         parts = [divided(values, part, ny)[1] * wider[:, None, None] for part in parts]
         values = divided(values, of_noise, ny)[0]
