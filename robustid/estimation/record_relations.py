@@ -171,7 +171,8 @@ def _joining(signals: list[Signals], odd: int, gain: float, base: Fitted) -> flo
     for factor in (float(np.copysign(near, gain)), _exact(gain)):
         if factor == 1:
             continue
-        joined = compared_parts([*signals[:odd], one._replace(y=factor * one.y), *signals[odd + 1 :]], base)
+        # Of the input: an output made small would be left by no model, whatever it is.
+        joined = compared_parts([*signals[:odd], one._replace(u=one.u / factor), *signals[odd + 1 :]], base)
         if joined is not None and not joined.different:
             return factor
     return 0.0

@@ -1,7 +1,9 @@
 """Relations within records: which are named, with their size, and that clean, scaled or short records are told nothing."""
 
+import control
 import numpy as np
 import pytest
+import scipy.signal
 
 import robustid as rid
 from robustid.estimation import stretch
@@ -142,6 +144,23 @@ def test_a_record_joins_the_others_by_the_factor_that_undoes_its_fault_alone(nam
     signals = [Signals(one.u, one.y[:, 0], True) for one in found.records]
     odd = 1 if name == "another plant" else 0
     assert _joining(signals, odd, guess, fit(signals[:1], ())) == factor
+
+
+def test_sweeps_of_one_input_each_are_told_no_gain_between_them():
+    """What one says nothing of the other: a factor that makes an output nothing joined it (1e-6, and of either sign)."""
+    samples, dt = 20000, 2e-3
+    axes = control.append(control.ss(control.tf([40], [1, 6, 0])), control.ss(control.tf([25], [1, 3, 0])))
+    turn, omega = np.array([[1, 0.3], [-0.2, 0.8]]), 2 * np.pi * 17
+    rigid = control.ss(axes.A, axes.B @ turn, turn.T @ axes.C, np.zeros((2, 2)))
+    mode = control.ss([[0, 1], [-(omega**2), -0.02 * omega]], [[0, 0], [1, 0.5]], [[300, 0], [-150, 0]], np.zeros((2, 2)))
+    plant, time = control.c2d(rigid + mode, dt), np.arange(samples) * dt
+    sweeps = 0.5 * scipy.signal.chirp(time, 0.2, time[-1], 30)[:, None] * np.eye(2)[:, None]
+    rng = np.random.default_rng(0)
+    given = []
+    for u in sweeps:
+        y = control.forced_response(plant, time, u.T).outputs.T
+        given.append(rid.TimeRecord(u, y + 0.002 * rng.standard_normal(y.shape), dt=dt))
+    assert told(given) == []
 
 
 @pytest.mark.slow
