@@ -19,9 +19,9 @@ from robustid.errors import InputError, InputTypeError, Remedy
 # Lines up to this part of the new Nyquist frequency pass the filter; from the new Nyquist frequency on it blocks.
 PASSBAND = 0.8
 _UNIFORM = 1e-6  # relative difference of steps that are called the same
-# Of instants that were rounded: the unit of their last place at most, in steps, and in lengths of the record, of which it is the
-# error of the step; and most digits.
-_LAST_PLACE, _OF_LENGTH, _DIGITS = 0.1, 1e-5, 12
+# Of instants that were rounded: the unit of their last place at most, in steps (a lost sample is half of one off the line), and in
+# lengths of the record, of which the step has a small part as its error; and most digits.
+_LAST_PLACE, _OF_LENGTH, _DIGITS = 0.4, 1e-3, 12
 _GAP, FEW = 1.5, 100  # median steps from which on samples are missing; samples of a part that is worth a word
 _REACH = 26  # samples of the new rate that the filter reaches to either side: what 80 dB need over that transition
 _BLOCKED_DB = 80.0  # what aliases into the new band is 1e-4 of what was there before
@@ -282,7 +282,9 @@ def uniform_step(time: np.ndarray, samples: int, part: Callable[[int, int], Reme
         raise InputError("one sample gives no sample time; give `dt`")
     steps = np.diff(as_array("time", time))
     step = as_positive("time step", (time[-1] - time[0]) / (samples - 1))
-    if not _is_uniform(time, step):
+    if _uniform(time, step):
+        return float(step)
+    if not _rounded(time, step):
         usual = float(np.median(steps))
         k = int(np.argmax(np.abs(steps - usual)))
         raise InputError(
@@ -291,11 +293,12 @@ def uniform_step(time: np.ndarray, samples: int, part: Callable[[int, int], Reme
             *_without_gap(time, steps > _GAP * usual, part),
             "resample the record, or give `dt`",
         )
-    return float(step)
+    places = np.arange(samples) - (samples - 1) / 2
+    return float(places @ (time - time.mean()) / (places @ places))  # of least squares, as all were rounded
 
 
-def _is_uniform(time: Real, step: float) -> bool:
-    return bool(np.max(np.abs(np.diff(time) - step)) <= _UNIFORM * step) or _rounded(time, step)
+def _uniform(time: Real, step: float) -> bool:
+    return bool(np.max(np.abs(np.diff(time) - step)) <= _UNIFORM * step)
 
 
 def _without_gap(time: Real, gap: NDArray[np.bool_], named: Callable[[int, int], Remedy]) -> list[str | Remedy]:
@@ -304,7 +307,10 @@ def _without_gap(time: Real, gap: NDArray[np.bool_], named: Callable[[int, int],
     k = int(np.argmax(np.diff(ends)))
     first, end = ends[k : k + 2].tolist()
     part = time[first:end]
-    if not gap.any() or part.size < FEW or not _is_uniform(part, float(part[-1] - part[0]) / (part.size - 1)):
+    if not gap.any() or part.size < FEW:
+        return []
+    step = float(part[-1] - part[0]) / (part.size - 1)
+    if not _uniform(part, step) and not _rounded(part, step):
         return []
     return ["samples are missing there; ", *longest_part(first, end, named), ", "]
 

@@ -52,9 +52,21 @@ def test_a_matrix_with_frequencies_last_and_one_bound_for_all_entries(tmp_path, 
 def test_instants_that_were_rounded_are_uniform(rate, rounded):
     """A file of a 1/2048 s record holds 0.000488, 0.000977: its step is that of its ends."""
     time = np.array([float(rounded % (k / rate)) for k in range(6000)])
-    assert uniform_step(time, time.size) == pytest.approx(1 / rate, rel=1e-5)
+    assert uniform_step(time, time.size) == pytest.approx(1 / rate, rel=1e-6)
     with pytest.raises(InputError, match="the time is not uniform"):
         uniform_step(np.append(time, time[-1] + 2 / rate), time.size + 1)
+
+
+@pytest.mark.parametrize(
+    ("rate", "places", "samples"), [(3000.0, 4, 24000), (30.0, 2, 400), (30.0, 3, 100), (60.0, 3, 3000)]
+)
+def test_instants_that_were_rounded_to_a_third_of_a_step_are_uniform(rate, places, samples):
+    """Frames of a camera in hundredths of a second: .03, .07, .10. A lost one, wherever it is, is none of them."""
+    time = np.round(3.1 + np.arange(samples + 1) / rate, places)
+    assert uniform_step(time, time.size) == pytest.approx(1 / rate, rel=0.3 / samples**1.5 * 12**0.5 * 4)
+    for lost in (1, 2, samples // 3, samples // 2, samples - 1):
+        with pytest.raises(InputError, match="the time is not uniform"):
+            uniform_step(np.delete(time, lost), samples)
 
 
 @pytest.mark.parametrize("places", [6, 9, 17])
