@@ -22,6 +22,7 @@ _EARLIEST = 10  # samples of lead,
 _CLEARER = 1.0  # with which the description is shorter by so much a frequency point
 _SURE = float(np.log(1e4))  # nats by which the description is shorter: odds of one in so many that it is chance
 _EXACT = 1e-24
+_ALIKE = 0.5  # of the noise: independent errors of a point leave more
 _NOISE = 2.0  # squares that a description leaves, in those of the noise: what leaves less has nothing to describe
 
 
@@ -114,10 +115,11 @@ def dead_time(frf: FrequencyResponse) -> int:
     points = np.unique(np.linspace(0, seen.omega.size - 1, _POINTS).astype(int))
     fit = PoleFit(dataclasses.replace(seen.select(points), bound=None), feedthrough=True)
     step = max(1, int(_STEP * np.pi / (float(fit.omega[-1]) * float(fit.dt or 1))))
-    lengths = _lengths(fit, sorted({0, 1, *range(_LEAST, most + 1, step)}))
+    least = 0.0 if seen.covariance is None else _ALIKE
+    lengths = _lengths(fit, sorted({0, 1, *range(_LEAST, most + 1, step)}), least)
     best = min(lengths, key=lambda d: lengths[d].length)
     lengths |= _lengths(
-        fit, [d for d in range(best - step + 1, best + step) if _LEAST <= d <= most and d not in lengths]
+        fit, [d for d in range(best - step + 1, best + step) if _LEAST <= d <= most and d not in lengths], least
     )
     best = min(lengths, key=lambda d: lengths[d].length)
     return best if best >= _LEAST and min(lengths[0], lengths[1]).length > lengths[best].length + _SURE else 0
@@ -130,8 +132,8 @@ class Description(NamedTuple):
     left: float
 
 
-def _lengths(fit: PoleFit, delays: list[int]) -> dict[int, Description]:
-    """The shortest description behind each delay."""
+def _lengths(fit: PoleFit, delays: list[int], least: float = 0.0) -> dict[int, Description]:
+    """The shortest description behind each delay, where a point leaves so much at least."""
     found = dict.fromkeys(delays, Description(np.inf, np.inf))
     seconds: Real = np.array(delays) * float(fit.dt or 1)
     worse = 0
@@ -141,9 +143,9 @@ def _lengths(fit: PoleFit, delays: list[int]) -> dict[int, Description]:
         before = min(found.values()).length
         costs, _ = fit.search(order, seconds)
         for delay, cost in zip(delays, costs.tolist(), strict=True):
-            length = fit.samples * np.log(cost / fit.samples + _EXACT) + fit.unknowns(order) / 2 * np.log(
-                2 * fit.samples
-            )
+            # What is far less than the noise of points is of errors that are alike at neighbouring ones.
+            left = np.log(max(cost / fit.samples, least) + _EXACT)
+            length = fit.samples * left + fit.unknowns(order) / 2 * np.log(2 * fit.samples)
             found[delay] = min(found[delay], Description(float(length), cost))
         worse = 0 if min(found.values()).length < before else worse + 1
     return found

@@ -15,14 +15,13 @@ from robustid.errors import InputError, Remedy
 from robustid.estimation.blows import are_blows, with_ringing
 from robustid.estimation.estimate import ABOUT, Estimate, bound
 from robustid.estimation.excited_lines import silent_lines
-from robustid.estimation.nonperiodic import local
 from robustid.estimation.periodic import periodic
 from robustid.estimation.record_faults import record_faults
+from robustid.estimation.steps import is_step, local_from_rest
 from robustid.estimation.welch import welch
 
 _log = logging.getLogger("robustid")
 _METHODS = ("periodic", "local", "welch")
-_STEP = ". A constant step from rest is data as it is: give it as samples (MixedProblem(time=record), or --time FILE)"
 
 
 @one_thread()
@@ -128,6 +127,10 @@ def estimate_frf(
     part rho that is left from the third quarter of a record to the last, whose spectrum is Y, at most ``|Y| rho/(1 - rho)`` is cut
     off; a quarter of its square, over that of the input, is added to the variance.
 
+    Steps, and blows that are no periods, that move every input within the first quarter of records that begin at rest: the rest
+    before them is known, and is put before each record; after it a step turns from line to line as no transient does. Their lines
+    are those of the longer record, up to the last one at which the response is seen above the noise.
+
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and
     halves of the records, are compared: what they have unlike in a window shows that they differ, at a level of 1e-5. Then each
@@ -193,8 +196,8 @@ def _checked(
         raise InputError(f"`about` must be one of {tuple(ABOUT)}; got {about!r}")
     probability = as_probability(probability)
     records = checked_records(record)
-    _refuse_dead(records)
     method = method or _usual(records, period)
+    _refuse_dead(records, method)
     if method != "periodic" and period is not None:
         raise InputError(f'`period` belongs to method="periodic"; leave it out with method={method!r}')
     return records, method, probability
@@ -212,7 +215,7 @@ def _estimated(records: list[TimeRecord], method: str, period: int | None, lines
         return with_ringing(periodic(steady, period, lines), records)
     if method == "periodic":
         return periodic(records, period, lines)
-    return (local if method == "local" else welch)(records, lines)
+    return (local_from_rest if method == "local" else welch)(records, lines)
 
 
 def _finished(
@@ -254,15 +257,14 @@ def _period(records: list[TimeRecord], method: str, period: int | None) -> int |
     return len(records[0].u) if period is None else as_count("period", period, least=2)
 
 
-def _refuse_dead(records: list[TimeRecord]) -> None:
-    """Inputs that excite nothing, and outputs that say nothing, in any experiment are refused."""
+def _refuse_dead(records: list[TimeRecord], method: str) -> None:
+    """Inputs that excite nothing, and outputs that say nothing, in any experiment are refused; local models take steps."""
     for k, channel in enumerate(records[0].inputs if records[0].reference is None else ()):
-        if all(np.all(r.u[:, k] == r.u[0, k]) for r in records):
+        stepped = method == "local" and any(is_step(one) and one.u[0, k] != 0 for one in records)
+        if not stepped and all(np.all(r.u[:, k] == r.u[0, k]) for r in records):
             raise InputError(
                 f"`record`: input {channel.name} is constant ({records[0].u[0, k] + 0.0:.6g}): it excites nothing, and no"
                 " response to it can be estimated; leave that signal out, or take a part of the record in which it moves"
-                + _STEP
-                * all(r.initial == "rest" and r.u[0, k] != 0 for r in records)
             )
     for k, channel in enumerate(records[0].outputs):
         if all(np.all(r.y[:, k] == r.y[0, k]) for r in records):

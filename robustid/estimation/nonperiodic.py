@@ -16,7 +16,7 @@ from robustid.estimation.divided import divided, some_told, widening
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.excited_lines import checked_lines, driven_lines, excited_lines, window_means
 
-_ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
+ORDER = 2  # of the numerators of G and T, and of their denominator: one resonance in a window
 _SPARE = 20  # residuals beyond the unknowns in a window: degrees of freedom of the covariance
 _TOLD = (
     0.3  # of the input whose sign turns half-way, that the input itself does not follow: both halves drive the plant
@@ -29,17 +29,20 @@ _TRIED, _MAX_CONDITION = 50, 1e6  # windows that are to tell the inputs apart, a
 _CHUNK = 2**22  # numbers in the largest array
 
 
-def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, int] | None = None) -> Estimate:
+def local(
+    records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, int] | None = None, *, rest: int = 0
+) -> Estimate:
     """Fit ``Y = G U + T`` with ``G = N/D``, ``T = M/D``, ``D(0) = 1``, over a window around every line: see `estimate_frf`.
 
     In closed loop the responses of u and y to the reference are fitted, and divided. Lines that are looked for stay in the band.
+    So many samples of `rest` that were put before have none of the noise that lines show.
     """
     first = records[0]
     samples, nu, ny = len(first.u), first.u.shape[1], first.y.shape[1]
     loop = first.reference is not None and first.reference.shape[1] == nu
     drives = np.stack([np.asarray(r.reference if loop else r.u) for r in records])
     answers = np.stack([np.hstack([r.y, r.u]) if loop else r.y for r in records])
-    x, z = _spectra(drives), _spectra(answers)
+    x, z = spectra_of(drives), spectra_of(answers)
     half, last = half_window(*drives.shape[::2]), (samples - 1) // 2  # the highest line that isn't real
     if last < 2 * half + 1:
         raise InputError(
@@ -47,27 +50,28 @@ def local(records: list[TimeRecord], lines: ArrayLike | None, band: tuple[int, i
             f" {counted(nu, 'input')} and"
             f" {counted(len(records), 'experiment')}; measure longer"
         )
-    index = excited_lines(x, half, last, _ORDER + 1) if lines is None else checked_lines(lines, last)
+    index = excited_lines(x, half, last, ORDER + 1) if lines is None else checked_lines(lines, last)
     if lines is None and band is not None:
         index = index[(index >= band[0]) & (index <= band[1])]
     _check_independent(x, index, half, last)
-    dof = _spare(*drives.shape[::2])
-    free = dof - (_ORDER + 1) * nu  # beside the changes of a window
+    spread = samples / (samples - rest)
+    dof = _spare(*drives.shape[::2]) / spread
+    free = dof - (ORDER + 1) * nu  # beside the changes of a window
     signs = _signs(*drives.shape[:2])[: None if free >= 1 else 0]
     found = _fitted(
-        x, z, np.stack([_spectra(sign * drives) for sign in signs]) if len(signs) else signs, index, samples
+        x, z, np.stack([spectra_of(sign * drives) for sign in signs]) if len(signs) else signs, index, samples
     )
     # In a window of noise alone the change has a third more variance than is stated, its denominator holding some of the noise: far
     # lines, of which each says something of its own, would show that, as a change of every long record.
     shared = float(2 * half + 1)
     changes, modes = np.zeros(found.values.shape), list[ModeEnds]()
     for late, change, sure in zip(_LATE, found.change.swapaxes(0, 1), found.sure.swapaxes(0, 1), strict=False):
-        added = added_variance(2 * change, 2 * sure, free, chance=SURE, shared=shared)
+        added = added_variance(2 * change, 2 * spread * sure, free, chance=SURE, shared=shared)
         if np.any(added):
             apart, own = _apart(drives, answers, index, found.values, late)
             added, modes = np.maximum(added, np.where(sure > 0, apart, 0)), [*modes, *own]
         changes += added
-    values, of_noise = found.values, found.of_noise
+    values, of_noise = found.values, found.of_noise * spread
     of_changes, unsure = (stacked(part)[:, None, :] * np.eye(of_noise.shape[1]) for part in (changes, found.unsure))
     parts, others = (of_noise + (of_changes + unsure), of_noise, of_changes), values + found.doubt
     driven = driven_lines(x, half)[index]
@@ -179,7 +183,9 @@ def _apart(
     if (length - 1) // 2 < 2 * half_window(*shape) + 1:
         return np.zeros(values.shape), []
     at, none = index * (length / samples), np.zeros((0, *drives.shape))
-    first, last = (_fitted(_spectra(drive), _spectra(answer), none, at, length, named=True) for drive, answer in halves)
+    first, last = (
+        _fitted(spectra_of(drive), spectra_of(answer), none, at, length, named=True) for drive, answer in halves
+    )
     noise = np.mean([variances(one.of_noise, values.shape) + one.unsure for one in (first, last)], axis=0)
     shared = (2 * half_window(*shape) + 1) / (float(np.median(np.diff(at))) if at.size > 1 else 1.0)
     seen = beyond_chance(last.values - first.values, noise, _spare(*shape), SURE, shared)
@@ -187,19 +193,19 @@ def _apart(
     return np.where(seen, square, 0.0), [*first.modes, *last.modes]
 
 
-def _spectra(signals: np.ndarray) -> np.ndarray:
+def spectra_of(signals: np.ndarray) -> np.ndarray:
     """Transforms of signals (..., samples, n)."""
     return np.fft.rfft(signals, axis=-2) / signals.shape[-2]
 
 
 def _unknowns(records: int, nx: int) -> int:
     """Complex ones of a window."""
-    return (_ORDER + 1) * (nx + records) + _ORDER
+    return (ORDER + 1) * (nx + records) + ORDER
 
 
 def half_window(records: int, nx: int) -> int:
     """Lines of a window on either side."""
-    return int(max(-(-((_unknowns(records, nx) + _SPARE) / records - 1) // 2), _ORDER + 1))
+    return int(max(-(-((_unknowns(records, nx) + _SPARE) / records - 1) // 2), ORDER + 1))
 
 
 def _spare(records: int, nx: int) -> float:
@@ -211,10 +217,10 @@ class _Windows(NamedTuple):
     """Regressors of all outputs around every line."""
 
     lines: np.ndarray  # (f, w) of the transform
-    high: np.ndarray  # (f, r, _ORDER) powers of the offset from 1 on, for every experiment
+    high: np.ndarray  # (f, r, ORDER) powers of the offset from 1 on, for every experiment
     shared: np.ndarray  # (f, r, p) of N and M
     size: np.ndarray  # (f, nx) of the excitation: its columns are scaled by it
-    powers: np.ndarray  # (f, w, _ORDER + 1) of the offset
+    powers: np.ndarray  # (f, w, ORDER + 1) of the offset
     mirrored: np.ndarray  # (low, r, r) of windows across line 0: 1 where one equation is of the line -k of the other
 
     def surer(self, power: np.ndarray) -> np.ndarray:
@@ -258,7 +264,7 @@ def _windows(x: np.ndarray, index: np.ndarray, half: int, last: int) -> _Windows
 
 def _regressors(x: np.ndarray, index: np.ndarray, lines: np.ndarray, half: int) -> tuple[np.ndarray, ...]:
     """Powers, sizes and shared regressors of windows: see `_Windows`."""
-    powers = ((lines - index[:, None]) / half)[:, :, None] ** np.arange(_ORDER + 1)
+    powers = ((lines - index[:, None]) / half)[:, :, None] ** np.arange(ORDER + 1)
     size = np.sqrt(np.mean(np.abs(_at(x, lines)) ** 2, axis=(0, 2)))
     size = np.where(size > 0, size, 1)
     free = np.einsum("ed,fws->fewds", np.eye(len(x)), powers).reshape(len(index), len(x) * lines.shape[1], -1)
@@ -307,7 +313,7 @@ def _fit(
         values[:, i], maps[:, i] = solution[:, :nx], inverse[:, :nx]
         for k, drive in enumerate(turned):
             change[:, k, i], sure[:, k, i] = _changed(windows, drive, target)
-    spread = left @ left.conj().swapaxes(1, 2) / (rows - unknowns - _ORDER)  # (f, nz, nz)
+    spread = left @ left.conj().swapaxes(1, 2) / (rows - unknowns - ORDER)  # (f, nz, nz)
     more = np.sqrt(windows.surer(power := np.einsum("fii->fi", spread).real) / np.maximum(power, _TINY))
     spread = spread * more[:, :, None] * more[:, None, :]
     # vec with columns stacked: entry (i, j) at j nz + i.
@@ -357,13 +363,13 @@ def _one_output(windows: _Windows, polynomial: np.ndarray, target: np.ndarray) -
     rest = _sum((plain - np.einsum("frp,fp->fr", beside, poles)) * weight)
     k = np.flatnonzero(rest < _sum(plain))
     # As if they had as many degrees of freedom as with a denominator.
-    left, inverse = plain * np.sqrt((dof - _ORDER) / dof), polynomial.copy()
+    left, inverse = plain * np.sqrt((dof - ORDER) / dof), polynomial.copy()
     if k.size:
         design = np.concatenate([shared[k], tail[k]], axis=2)
         weighted = _pseudo_inverses(design * weight[k, :, None])
         fraction = np.einsum("fpr,fr->fp", weighted, target[k] * weight[k])
         left[k] = (target[k] - np.einsum("frp,fp->fr", design, fraction)) * weight[k]
-        solution[k], inverse[k] = fraction[:, :-_ORDER], weighted[:, :-_ORDER]
+        solution[k], inverse[k] = fraction[:, :-ORDER], weighted[:, :-ORDER]
     return solution, inverse, left
 
 

@@ -16,6 +16,7 @@ from robustid.estimation.period_faults import period_faults
 from robustid.estimation.record_relations import with_relations
 from robustid.estimation.repetition import apart, found_period
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, slower, unwrapped, wrapped_fault
+from robustid.estimation.steps import is_step
 from robustid.estimation.stretch import liveliest, stretch_length
 from robustid.estimation.unstable_outputs import unstable_outputs
 
@@ -183,8 +184,8 @@ def _constant(record: TimeRecord, inputs: list[Real]) -> list[Fault]:
     for j, channel in enumerate(record.inputs):
         signal = record.u[:, j]
         # One input at a time is an experiment too: others may rest in it.
-        step = record.initial == "rest" and signal[0] != 0 and np.all(record.u == record.u[0])
-        step = step or (record.initial == "rest" and record.bound is not None and bool(np.any(record.u)))
+        held = record.initial == "rest" and record.bound is not None and bool(np.any(record.u))
+        step = held or (is_step(record) and signal[0] != 0)
         if not step and all(np.all(u[:, min(j, u.shape[1] - 1)] == u[0, min(j, u.shape[1] - 1)]) for u in inputs):
             words = f"input {channel.name} is constant ({signal[0] + 0.0:.6g}): it excites nothing"
             found.append(Fault(FaultKind.CONSTANT, words, where=f"input {channel.name}", size=float(signal[0])))

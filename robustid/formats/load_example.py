@@ -145,7 +145,8 @@ def _increases(values: np.ndarray) -> bool:
 def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
     """As a time record: the first half are inputs where nothing is named, else one, and outputs are those of one other unit.
 
-    Of numbered names those of the first kind are inputs, where all others are of one other kind; so are forces and currents.
+    Of numbered names those of the first kind are inputs, where all others are of one other kind; so are forces and currents. Names
+    that have a word in common are outputs of one kind, too.
     """
     fields: dict[str, object] = {}
     if axis is not None:
@@ -159,13 +160,16 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     outputs, unit = rest[half : 2 * half], units.in_brackets(rest[half])[1]
     if half == 1 and unit and unit != units.in_brackets(rest[0])[1]:
         outputs = [name for name in rest[1:] if units.in_brackets(name)[1] == unit]
+    elif half == 1 and _kin(rest[1:]) and not _kin(rest):
+        outputs = rest[1:]
     inputs = rest[:half]
     if half == 1 and (alike := _alike(rest)) and (others := rest[alike:]) and _alike(others) == len(others):
         inputs, outputs = rest[:alike], others
     elif half == 1 and (alike := _acting(rest)):
         inputs, outputs = rest[:alike], rest[alike:]
     fields |= {"u": _one(inputs), "y": _one(outputs)}
-    return [_RECORD, *_given(fields, dt), "."]
+    left = [name for name in rest if name not in inputs + outputs]
+    return [_RECORD, *_given(fields, dt), f", without {', '.join(left)}." if left else "."]
 
 
 def _is_uniform(instants: np.ndarray) -> bool:
@@ -181,6 +185,12 @@ def _alike(names: list[str]) -> int:
     plain = [re.sub(r"\d+", "", name) for name in names]
     same = next((k for k, name in enumerate(plain) if name != plain[0]), len(plain))
     return same if same > 1 and len(set(names)) == len(names) else 0
+
+
+def _kin(names: list[str]) -> bool:
+    """Return whether names have their first word in common, or their last: w_motor and w_load, "x position" and "y position"."""
+    words = [re.split(r"[\W_]+", units.in_brackets(name)[0].strip().lower()) for name in names]
+    return all(len(one) > 1 for one in words) and any(len({one[end] for one in words}) == 1 for end in (0, -1))
 
 
 def _acting(names: list[str]) -> int:

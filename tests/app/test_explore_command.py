@@ -106,6 +106,7 @@ def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeyp
     (tmp_path / "passive.toml").write_text(
         '[[frequency]]\nfile = "frf.csv"\n[prior]\npassive = "positive real"\ndecay = 1.0\n'
     )
+    (tmp_path / "still.csv").write_text("t,u,y\n" + "".join(f"{k},0,{k % 3}\n" for k in range(200)))
     (tmp_path / "short.csv").write_text("t,u,y\n0,1,0\n0.1,0,1\n0.2,1,2\n0.3,1,1\n")
     (tmp_path / "samples.toml").write_text('[[record]]\nfile = "step.csv"\nuse = "samples"\n')
     with socket.socket() as taken:
@@ -115,7 +116,7 @@ def test_what_can_not_be_explored_is_said_in_one_sentence(tmp_path, run, monkeyp
         for arguments, sentence in (
             (["nothing.csv"], "nothing.csv: there is no such file"),
             (["broken.csv"], "broken.csv"),
-            (["step.csv"], "input force is constant (1): it excites nothing"),
+            (["still.csv"], "input u is constant (0): it excites nothing"),
             (["short.csv"], "FILE has 4 samples"),
             (["frf.csv", "matrix.npz"], "several files are time records of one plant"),
             ([ask, "frf.csv"], "give it alone"),
