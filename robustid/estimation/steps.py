@@ -11,17 +11,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from robustid.core import Real
 from robustid.data import TimeRecord, variances
 from robustid.estimation.estimate import Estimate
-from robustid.estimation.excited_lines import excited_lines
+from robustid.estimation.excited_lines import excited_lines, window_means
 from robustid.estimation.nonperiodic import ORDER, half_window, local, spectra_of
 
 _PARTS = 4  # of a record: after the first no input moves, and as long as one is the rest that is put before
 _MOVED, _STILL = 0.05, 0.02  # of the largest change of an input: what moves it, and the most that all others are, rms
-_SEEN = 4.0  # standard deviations above which a response is more than noise
+# What is more than noise: times the power of outputs at the highest lines; standard deviations of the response.
+_MORE, _SEEN = 2.0, 4.0
 
 
 def is_step(record: TimeRecord) -> bool:
@@ -44,11 +45,17 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
     half, last = half_window(*u.shape[::2]), (u.shape[1] - 1) // 2
     changes = np.diff(u, axis=1, prepend=0.0)
     index = np.union1d(*(excited_lines(spectra_of(one), half, last, ORDER + 1) for one in (u, changes)))
+    power = window_means(np.mean(np.abs(spectra_of(np.stack([one.y for one in records]))) ** 2, axis=0), half)
+    index = _to_last(index, power[index] > _MORE * np.median(power[last - last // _PARTS :], axis=0))
     found = local(records, index, rest=rest)
     size, error = np.abs(found.values), np.sqrt(variances(found.covariance, found.values.shape))
-    seen = np.flatnonzero(np.any(size > _SEEN * error, axis=(1, 2)))
     # Again without the others, so that each line has its part in the poles of all.
-    return local(records, index[: np.max(seen, initial=0) + 1], rest=rest)
+    return local(records, _to_last(index, np.any(size > _SEEN * error, axis=2)), rest=rest)
+
+
+def _to_last(index: NDArray[np.intp], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Lines up to the last one at which any output is seen (K, ny)."""
+    return index[: np.max(np.flatnonzero(np.any(seen, axis=1)), initial=0) + 1]
 
 
 def _moves_early(inputs: Real) -> bool:

@@ -152,7 +152,9 @@ def test_sweeps_of_one_input_each_are_told_no_gain_between_them():
     axes = control.append(control.ss(control.tf([40], [1, 6, 0])), control.ss(control.tf([25], [1, 3, 0])))
     turn, omega = np.array([[1, 0.3], [-0.2, 0.8]]), 2 * np.pi * 17
     rigid = control.ss(axes.A, axes.B @ turn, turn.T @ axes.C, np.zeros((2, 2)))
-    mode = control.ss([[0, 1], [-(omega**2), -0.02 * omega]], [[0, 0], [1, 0.5]], [[300, 0], [-150, 0]], np.zeros((2, 2)))
+    mode = control.ss(
+        [[0, 1], [-(omega**2), -0.02 * omega]], [[0, 0], [1, 0.5]], [[300, 0], [-150, 0]], np.zeros((2, 2))
+    )
     plant, time = control.c2d(rigid + mode, dt), np.arange(samples) * dt
     sweeps = 0.5 * scipy.signal.chirp(time, 0.2, time[-1], 30)[:, None] * np.eye(2)[:, None]
     rng = np.random.default_rng(0)
