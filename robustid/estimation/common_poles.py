@@ -113,10 +113,16 @@ class _Spectra(PoleFit):
         """Real ones of so many pairs of poles."""
         return 2 * pairs + (2 * pairs + _SMOOTH) * self.drives.shape[1] * self.values.shape[1]
 
+    def _full(self, pairs: int) -> bool:
+        """Return whether so many pairs have more parameters than the lines have equations for."""
+        return _EQUATIONS * self.parameters(pairs) > 2 * self.samples
+
     def pairs(self) -> Complex:
         """The poles, as many as shorten the description of the spectra: from none on, and from a drift that explains much."""
         starts = [np.zeros(0, complex)]
-        if self.angle[0] > 0:  # a pair for an integrator, and what differs from end to end: at 0, where no line is
+        if self.angle[0] > 0 and not self._full(
+            1
+        ):  # for an integrator, and what differs from end to end: at 0, where no line is
             starts.append(np.exp(1j * _STILL * self.angle[:1]))
         cost = [self._cost(self.values, poles) for poles in starts]
         paths = [self._shortest(poles) for poles in starts[: 2 if cost[-1] < _MUCH * cost[0] else 1]]
@@ -133,8 +139,7 @@ class _Spectra(PoleFit):
             vain = 0 if length < shortest else vain + 1
             if not vain:
                 best, shortest = poles, length
-            full = _EQUATIONS * self.parameters(poles.size + 1) > equations
-            if vain == _IN_VAIN or poles.size == _MOST_PAIRS or full or power <= _ROUNDED:
+            if vain == _IN_VAIN or poles.size == _MOST_PAIRS or self._full(poles.size + 1) or power <= _ROUNDED:
                 return float(shortest), self.refined(best)
             poles = self.refined(self._further(poles), _STEPS)
 

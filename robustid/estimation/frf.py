@@ -127,9 +127,10 @@ def estimate_frf(
     part rho that is left from the third quarter of a record to the last, whose spectrum is Y, at most ``|Y| rho/(1 - rho)`` is cut
     off; a quarter of its square, over that of the input, is added to the variance.
 
-    Steps, and blows that are no periods, that move every input within the first quarter of records that begin at rest: the rest
-    before them is known, and is put before each record; after it a step turns from line to line as no transient does. Their lines
-    are those of the longer record, up to the last one at which the response is seen above the noise.
+    Steps, and blows that are no periods: inputs that move a few times, from rest, and first within the first quarter of a record.
+    The rest before them is known, and is put before each record; after it a step turns from line to line as no transient does.
+    Their lines are those of the longer record, up to the last one at which the response is seen above the noise. Where records
+    begin elsewhere than at zero, they are counted from what they are before anything moves; its error is in the bound.
 
     Halves of the periods are compared. Where they differ by D, beyond their noise at a level of 1e-3 for a whole entry,
     ``|D|^2/4`` is added to the variance: a plant that warms up. The note says so. Of any other excitation halves of the time, and

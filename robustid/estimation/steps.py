@@ -3,7 +3,8 @@
 The spectrum of what moves early is as smooth over the lines as that of a transient, so a window of lines tells neither from the
 other. Where a record began at rest, what was before it is known: after that a step is in the middle of a record, and turns from
 line to line as no transient does. A step has less and less at higher lines, and tells as much there as what it moves exceeds the
-noise.
+noise. Inputs that wait elsewhere than at zero, and outputs there, are at rest about a point of operation: it is what they are
+before anything moves, with the error that noise leaves of it.
 """
 
 from __future__ import annotations
@@ -13,16 +14,19 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robustid.core import Real
+from robustid.core import Complex, Real
 from robustid.data import TimeRecord, variances
 from robustid.estimation.estimate import Estimate
 from robustid.estimation.excited_lines import excited_lines, window_means
 from robustid.estimation.nonperiodic import ORDER, half_window, local, spectra_of
 
-_PARTS = 4  # of a record: after the first no input moves, and as long as one is the rest that is put before
+_PARTS = 4  # of a record: in the first an input moves, and as long as one is the rest that is put before
 _MOVED, _STILL = 0.05, 0.02  # of the largest change of an input: what moves it, and the most that all others are, rms
+_TIMES = 10  # that an input moves at most
 # What is more than noise: times the power of outputs at the highest lines; standard deviations of the response.
 _MORE, _SEEN = 2.0, 4.0
+_ELSEWHERE = 0.05  # of the range of an output: a beginning that is farther from zero is about a point of operation
+_BLOCKS = 32  # of a record, at least: the mean of one is the level before the step, and those of the last quarter say its error
 
 
 def is_step(record: TimeRecord) -> bool:
@@ -31,35 +35,91 @@ def is_step(record: TimeRecord) -> bool:
 
 
 def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estimate:
-    """Local models as `local`, where all inputs move early, from rest, after it: up to the last line above the noise.
+    """Local models as `local`, where inputs move a few times from rest, and early, after it: up to the last line above the noise.
 
     Lines that are stated are those of the records as they are.
     """
-    early = all(one.initial == "rest" and one.reference is None and _moves_early(one.u) for one in records)
-    if not early or lines is not None:
+    waits = [_waits(one.u) if one.initial == "rest" and one.reference is None else None for one in records]
+    if (
+        lines is not None
+        or None in waits
+        or min(one for one in waits if one is not None) >= len(records[0].u) // _PARTS
+    ):
         return local(records, lines)
     rest = len(records[0].u) // _PARTS
-    more = ((rest, 0), (0, 0))
-    records = [dataclasses.replace(one, u=np.pad(one.u, more), y=np.pad(one.y, more), bound=None) for one in records]
-    u = np.stack([one.u for one in records])
-    half, last = half_window(*u.shape[::2]), (u.shape[1] - 1) // 2
-    changes = np.diff(u, axis=1, prepend=0.0)
-    index = np.union1d(*(excited_lines(spectra_of(one), half, last, ORDER + 1) for one in (u, changes)))
-    power = window_means(np.mean(np.abs(spectra_of(np.stack([one.y for one in records]))) ** 2, axis=0), half)
-    index = _to_last(index, power[index] > _MORE * np.median(power[last - last // _PARTS :], axis=0))
+    counted, errors = zip(*(_from_level(one) for one in records), strict=True)
+    records = [_after(one, rest) for one in counted]
+    x, y = (spectra_of(np.stack(signals)) for signals in zip(*((one.u, one.y) for one in records), strict=True))
+    half, last = half_window(*x.shape[::2]), (len(records[0].u) - 1) // 2
+    window = 2 * half + 1
+    changes = spectra_of(np.diff(np.stack([one.u for one in records]), axis=1, prepend=0.0))
+    index = np.union1d(*(excited_lines(one, half, last, ORDER + 1) for one in (x, changes)))
+    power = window_means(np.mean(np.abs(y) ** 2, axis=0), half)
+    index = _to_last(index, power[index] > _MORE * np.median(power[last - last // _PARTS :], axis=0), window)
     found = local(records, index, rest=rest)
     size, error = np.abs(found.values), np.sqrt(variances(found.covariance, found.values.shape))
     # Again without the others, so that each line has its part in the poles of all.
-    return local(records, _to_last(index, np.any(size > _SEEN * error, axis=2)), rest=rest)
+    found = local(records, _to_last(index, np.any(size > _SEEN * error, axis=2), window), rest=rest)
+    if not np.any(errors):
+        return found
+    more = _of_levels(np.array(errors), x[:, found.index], rest, len(records[0].u), found.index)
+    return found._replace(
+        covariance=found.covariance + more, source=f"{found.source}, counted from where the records begin"
+    )
 
 
-def _to_last(index: NDArray[np.intp], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Lines up to the last one at which any output is seen (K, ny)."""
-    return index[: np.max(np.flatnonzero(np.any(seen, axis=1)), initial=0) + 1]
+def _from_level(record: TimeRecord) -> tuple[TimeRecord, Real]:
+    """A record counted from what it is before anything moves, where that is not zero; and variances (ny,) of the outputs there.
+
+    Inputs that never move are a step at the first sample, which no output answers yet.
+    """
+    u: Real = record.u
+    y: Real = record.y
+    samples = len(u)
+    moved = np.flatnonzero(np.any(u != u[0], axis=1))
+    before = int(moved[0]) if moved.size else 1
+    count = max(1, min(before, samples // _BLOCKS))
+    level = y[before - count : before].mean(axis=0)
+    base = u[0] if moved.size else np.zeros_like(u[0])
+    if not np.any(base) and np.all(np.abs(level) <= _ELSEWHERE * np.ptp(y, axis=0)):
+        return record, np.zeros(len(record.outputs))
+    tail = y[-(samples // _PARTS // count * count) :]
+    line = np.stack([np.ones(len(tail)), np.linspace(-1, 1, len(tail))], axis=1)
+    left: Real = tail - line @ np.linalg.lstsq(line, tail, rcond=None)[0]
+    blocks: Real = left.reshape(-1, count, y.shape[1]).mean(axis=1)
+    apart: Real = blocks - blocks.mean(axis=0)
+    variance: Real = np.asarray(np.sum(apart**2, axis=0) / (len(blocks) - 2), dtype=float)
+    return dataclasses.replace(record, u=u - base, y=y - level, bound=None), variance
 
 
-def _moves_early(inputs: Real) -> bool:
-    """Return whether nothing moves inputs (N, n) after the first part of a record but noise."""
+def _after(record: TimeRecord, rest: int) -> TimeRecord:
+    more = ((rest, 0), (0, 0))
+    return dataclasses.replace(record, u=np.pad(record.u, more), y=np.pad(record.y, more), bound=None)
+
+
+def _of_levels(variance: Real, x: Complex, rest: int, samples: int, index: NDArray[np.intp]) -> Complex:
+    """Covariance of the response at lines, of levels with variances (R, ny): they err by e, it by ``e B X^+``, B of what stays."""
+    stays = np.abs(spectra_of((np.arange(samples) >= rest).astype(float)[:, None])[index, 0]) ** 2
+    inverse = np.linalg.pinv(x.transpose(1, 2, 0))  # (K, R, nu)
+    lines, nu, ny = len(index), x.shape[2], variance.shape[1]
+    found = np.zeros((lines, nu, ny, nu, ny), complex)
+    for i, own in enumerate(variance.T):
+        found[:, :, i, :, i] = np.einsum("k,r,krj,krl->kjl", stays, own, inverse, inverse.conj())
+    return found.reshape(lines, nu * ny, nu * ny)
+
+
+def _to_last(index: NDArray[np.intp], seen: NDArray[np.bool_], least: int) -> NDArray[np.intp]:
+    """Lines up to the last one at which any output is seen (K, ny), so many at least."""
+    return index[: max(int(np.max(np.flatnonzero(np.any(seen, axis=1)), initial=0)) + 1, least)]
+
+
+def _waits(inputs: Real) -> int | None:
+    """Samples before any of the inputs (N, n) moves, where each does a few times and rests between; None where one does not."""
     changes = np.abs(np.diff(inputs, axis=0, prepend=0.0))
-    largest, late = changes.max(axis=0), changes[len(inputs) // _PARTS :]
-    return bool(np.all(late <= _MOVED * largest) and np.all(np.sqrt(np.mean(late**2, axis=0)) <= _STILL * largest))
+    largest = changes.max(axis=0)
+    moves = changes > _MOVED * largest
+    times = np.sum(np.diff(moves, axis=0, prepend=False) & moves, axis=0)
+    still = np.sqrt(np.mean(np.where(moves, 0.0, changes) ** 2, axis=0)) <= _STILL * largest
+    if not np.any(moves) or np.any(times > _TIMES) or not np.all(still):
+        return None
+    return int(np.flatnonzero(np.any(moves, axis=1))[0])

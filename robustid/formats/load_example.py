@@ -163,7 +163,7 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     elif half == 1 and _kin(rest[1:]) and not _kin(rest):
         outputs = rest[1:]
     inputs = rest[:half]
-    if half == 1 and (alike := _alike(rest)) and (others := rest[alike:]) and _alike(others) == len(others):
+    if half == 1 and (alike := _alike(rest)) and (others := rest[alike:]) and _another(rest[0], others):
         inputs, outputs = rest[:alike], others
     elif half == 1 and (alike := _acting(rest)):
         inputs, outputs = rest[:alike], rest[alike:]
@@ -185,6 +185,13 @@ def _alike(names: list[str]) -> int:
     plain = [re.sub(r"\d+", "", name) for name in names]
     same = next((k for k, name in enumerate(plain) if name != plain[0]), len(plain))
     return same if same > 1 and len(set(names)) == len(names) else 0
+
+
+def _another(name: str, others: list[str]) -> bool:
+    """Return whether others are numbered names of one kind, or have other units all."""
+    unit = units.in_brackets(name)[1]
+    apart = unit and all(units.in_brackets(other)[1] not in ("", unit) for other in others)
+    return _alike(others) == len(others) or bool(apart)
 
 
 def _kin(names: list[str]) -> bool:

@@ -61,6 +61,20 @@ def test_bounds_of_steps_hold(name, at, sizes, seed):
 
 
 @pytest.mark.parametrize("seed", seeds(1, 20))
+@pytest.mark.parametrize("at", [0, 1, 6, 100])
+def test_steps_about_a_point_of_operation_are_counted_from_it(at, seed):
+    """From 20 to 50 % at 22.4 degrees; the first samples say where it begins, no better than noise lets them."""
+    plant = control.c2d(control.ss(control.tf([0.3], [300, 1]) * control.tf([1], [40, 1])), 5.0)
+    rng, u = np.random.default_rng([seed, at]), np.where(np.arange(800) < at, 0.0, 30.0)
+    y = control.forced_response(plant, U=u).outputs + 0.02 * rng.standard_normal(800)
+    frf = response_alone(rid.TimeRecord(u + 20.0 * (at > 0), 22.4 + y, dt=5.0))
+    assert frf.note.endswith("counted from where the records begin")
+    off = np.abs(frf.values[:, 0, 0] - plant(np.exp(5j * frf.omega)))
+    assert np.all(off <= 1.2 * frf.bound.radius[:, 0, 0])  # 95 % jointly
+    assert frf.bound.radius[0, 0, 0] < 0.05 * np.abs(frf.values[0, 0, 0])
+
+
+@pytest.mark.parametrize("seed", seeds(1, 20))
 def test_a_blow_alone_tells_the_response_up_to_the_noise(seed):
     """Its bounds were 4 to 6e6 times the response, in the median."""
     plant = PLANTS["two modes"]
@@ -73,6 +87,23 @@ def test_a_blow_alone_tells_the_response_up_to_the_noise(seed):
 def test_lines_of_a_step_reach_the_modes_that_it_moves():
     """Those that it excites within 2 % of the lowest one end at 7 Hz."""
     assert response_alone(moved(two_modes(), 0, 100, [1.0])).freq_hz[-1] > 25
+
+
+@pytest.mark.parametrize("seed", seeds(1, 20))
+def test_steps_of_one_input_after_the_other_tell_a_matrix(seed):
+    """The second moves long after the first quarter of the record."""
+    parts = [control.ss(control.tf([gain], [slow, 1])) for gain, slow in ((2.0, 30), (0.5, 50), (0.4, 40), (1.5, 20))]
+    each, both = control.append(*parts), np.kron(np.ones((2, 1)), np.eye(2))
+    plant = control.c2d(
+        control.ss(each.A, each.B @ both, np.kron(np.eye(2), np.ones(2)) @ each.C, np.zeros((2, 2))), 1.0
+    )
+    time = np.arange(1000)
+    u = np.stack([time >= 50, -1.0 * (time >= 450)], axis=1)
+    y = control.forced_response(plant, U=u.T).outputs.T
+    frf = response_alone(rid.TimeRecord(u, y + 0.01 * np.random.default_rng(seed).standard_normal(y.shape), dt=1.0))
+    true = np.moveaxis(plant(np.exp(1j * frf.omega)), -1, 0)
+    assert np.max(np.abs(frf.values - true) / frf.bound.radius) <= 1.2
+    assert np.all(frf.bound.radius[0] < 0.2 * np.abs(true[0]))
 
 
 def test_a_step_is_constant_inputs_from_rest():
@@ -91,7 +122,7 @@ def test_records_that_begin_otherwise_are_estimated_as_they_are(how):
     if how == "free":
         record = dataclasses.replace(record, initial="free")
     else:
-        record = dataclasses.replace(record, u=record.u + (np.arange(SAMPLES) > 2000)[:, None])
+        record = dataclasses.replace(record, u=record.u + (np.arange(SAMPLES) // 100 % 2)[:, None])
     found, plain = local_from_rest([record], None), local([record], None)
     np.testing.assert_array_equal(found.index, plain.index)
     np.testing.assert_array_equal(found.covariance, plain.covariance)

@@ -10,6 +10,11 @@ COLUMNS = {
     "F1 (N),F2 (N),v1 (m/s)": (["F1 (N)", "F2 (N)"], "v1 (m/s)"),
     "force (N),a1 (g),a2 (g)": ("force (N)", ["a1 (g)", "a2 (g)"]),
     "ch1,ch2,ch3": ("ch1", "ch2"),
+    "torque,w_motor,w_load": ("torque", ["w_motor", "w_load"]),
+    "valve1 (%),valve2 (%),flow (l/min),temperature (K)": (
+        ["valve1 (%)", "valve2 (%)"],
+        ["flow (l/min)", "temperature (K)"],
+    ),
 }
 
 
