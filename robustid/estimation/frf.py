@@ -229,6 +229,11 @@ def _finished(
         silent = silent_lines(estimate.values, found.radius)
         if estimate.driven is not None:
             silent |= ~estimate.driven
+    if np.all(silent):
+        raise InputError(
+            "`record`: what moves the inputs passes for a transient at every spectral line, and nothing tells the response; let the"
+            " machine come to rest, and record that before it is moved, or move it longer; or give the record as samples"
+        )
     gone = int(silent.sum())
     left_out = f"; {gone} more {'is' if gone == 1 else 'are'} left out, which next to nothing excites"
     response = FrequencyResponse(

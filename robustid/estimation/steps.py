@@ -26,6 +26,7 @@ _TIMES = 10  # that an input moves at most
 # What is more than noise: times the power of outputs at the highest lines; standard deviations of the response.
 _MORE, _SEEN = 2.0, 4.0
 _ELSEWHERE = 0.05  # of the range of an output: a beginning that is farther from zero is about a point of operation
+_APART = 8.0  # deviations: what the first and the last samples before anything moves differ by, where outputs rest
 _BLOCKS = 32  # of a record, at least: the mean of one is the level before the step, and those of the last quarter say its error
 
 
@@ -46,9 +47,12 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
         or min(one for one in waits if one is not None) >= len(records[0].u) // _PARTS
     ):
         return local(records, lines)
-    rest = len(records[0].u) // _PARTS
-    counted, errors = zip(*(_from_level(one) for one in records), strict=True)
-    records = [_after(one, rest) for one in counted]
+    levels = [_from_level(one) for one in records]
+    counted = [one for one in levels if one is not None]
+    if len(counted) < len(levels):
+        return local(records, lines)
+    rest, errors = len(records[0].u) // _PARTS, [error for _, error in counted]
+    records = [_after(one, rest) for one, _ in counted]
     x, y = (spectra_of(np.stack(signals)) for signals in zip(*((one.u, one.y) for one in records), strict=True))
     half, last = half_window(*x.shape[::2]), (len(records[0].u) - 1) // 2
     window = 2 * half + 1
@@ -68,28 +72,37 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
     )
 
 
-def _from_level(record: TimeRecord) -> tuple[TimeRecord, Real]:
+def _from_level(record: TimeRecord) -> tuple[TimeRecord, Real] | None:
     """A record counted from what it is before anything moves, where that is not zero; and variances (ny,) of the outputs there.
 
-    Inputs that never move are a step at the first sample, which no output answers yet.
+    Inputs that never move are a step at the first sample, which no output answers yet. None where outputs are still on their way.
     """
     u: Real = record.u
     y: Real = record.y
     samples = len(u)
     moved = np.flatnonzero(np.any(u != u[0], axis=1))
     before = int(moved[0]) if moved.size else 1
+    half = min(before // 2, samples // _BLOCKS)
+    if half and np.any(
+        np.abs(y[:half].mean(axis=0) - y[before - half : before].mean(axis=0)) > _APART * _noise(y, half)
+    ):
+        return None
     count = max(1, min(before, samples // _BLOCKS))
     level = y[before - count : before].mean(axis=0)
     base = u[0] if moved.size else np.zeros_like(u[0])
     if not np.any(base) and np.all(np.abs(level) <= _ELSEWHERE * np.ptp(y, axis=0)):
         return record, np.zeros(len(record.outputs))
-    tail = y[-(samples // _PARTS // count * count) :]
+    return dataclasses.replace(record, u=u - base, y=y - level, bound=None), _noise(y, count) ** 2
+
+
+def _noise(y: Real, count: int) -> Real:
+    """Deviations (ny,) of means of so many samples, by those in the last part of a record."""
+    tail = y[-(len(y) // _PARTS // count * count) :]
     line = np.stack([np.ones(len(tail)), np.linspace(-1, 1, len(tail))], axis=1)
     left: Real = tail - line @ np.linalg.lstsq(line, tail, rcond=None)[0]
     blocks: Real = left.reshape(-1, count, y.shape[1]).mean(axis=1)
     apart: Real = blocks - blocks.mean(axis=0)
-    variance: Real = np.asarray(np.sum(apart**2, axis=0) / (len(blocks) - 2), dtype=float)
-    return dataclasses.replace(record, u=u - base, y=y - level, bound=None), variance
+    return np.asarray(np.sqrt(np.sum(apart**2, axis=0) / (len(blocks) - 2)), dtype=float)
 
 
 def _after(record: TimeRecord, rest: int) -> TimeRecord:
