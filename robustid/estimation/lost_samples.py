@@ -23,7 +23,7 @@ _BESIDE = 0.12  # of the record, on either side of the place, where the shift ha
 def lost_samples(y: Real, u: Real, where: str) -> Fault | None:
     """Samples that are missing, by the shift between input and output that fits the last third of a record."""
     third = y.size // 3
-    if third < _FEWEST or np.ptp(y) == 0 or not _moves_as_before(u[:third], u[-third:]):
+    if third < _FEWEST or np.ptp(y) == 0 or not _moves_as_before(u[:third][:LONG], u[-third:][-LONG:]):
         return None
     first = min(third, LONG)
     predictors = Predictors(u[:first])

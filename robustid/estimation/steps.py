@@ -40,16 +40,8 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
 
     Lines that are stated are those of the records as they are.
     """
-    waits = [_waits(one.u) if one.initial == "rest" and one.reference is None else None for one in records]
-    if (
-        lines is not None
-        or None in waits
-        or min(one for one in waits if one is not None) >= len(records[0].u) // _PARTS
-    ):
-        return local(records, lines)
-    levels = [_from_level(one) for one in records]
-    counted = [one for one in levels if one is not None]
-    if len(counted) < len(levels):
+    counted = _counted(records) if lines is None else None
+    if counted is None:
         return local(records, lines)
     rest, errors = len(records[0].u) // _PARTS, [error for _, error in counted]
     records = [_after(one, rest) for one, _ in counted]
@@ -70,6 +62,17 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
     return found._replace(
         covariance=found.covariance + more, source=f"{found.source}, counted from where the records begin"
     )
+
+
+def _counted(records: list[TimeRecord]) -> list[tuple[TimeRecord, Real]] | None:
+    """Records as `_from_level` counts them; None where an input moves on, none moves early, or an output is on its way."""
+    if any(one.initial != "rest" or one.reference is not None for one in records):
+        return None
+    waits = [wait for one in records if (wait := _waits(one.u)) is not None]
+    if len(waits) < len(records) or min(waits) >= len(records[0].u) // _PARTS:
+        return None
+    found = [level for one in records if (level := _from_level(one)) is not None]
+    return found if len(found) == len(records) else None
 
 
 def _from_level(record: TimeRecord) -> tuple[TimeRecord, Real] | None:

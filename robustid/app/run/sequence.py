@@ -50,7 +50,7 @@ _LARGER = 4  # times that a gain bound which the program chose is doubled
 _SUMS = 0.2  # of the time that is left when a step begins, as those of the next line
 _BAND, _ORDER, _FITS, _CAUSES = 0.3, 0.3, 0.2, 0.5
 _ORDER_LAST = 0.5  # of the time that is left, where nothing was decided: no band and no causes come after
-_LIMITING = 0.5  # of the time that is left: the loop itself comes after
+_SWEPT, _JOINED, _LIMITING = 0.65, 0.3, 0.5  # of the time that is left: checks, and the loop itself, come after
 _LONGEST_CAUSES = 60.0  # seconds
 _LONGEST_FITS = 30.0  # seconds, after which fits tell nothing more
 
@@ -265,7 +265,7 @@ def refined(work: Work) -> None:
     polygons = work.error if work.band.box is None else work.over_poles
     work.band = work.band.with_model(work.model)
     if polygons is not None and polygons.omega.size:
-        with work.around.step("narrowing the band between semidefinite programs") as limit:
+        with work.around.step("narrowing the band between semidefinite programs", _JOINED) as limit:
             work.band = work.band.between(polygons, Budget(limit))
     work.around.folder.proved(work.band)
 
@@ -328,7 +328,7 @@ def bounded(work: Work) -> None:
     ending = around.stops.interrupted or around.budget.left <= asked.time_limit
     bounding = error_in_time if ending else worst_case_error
     counted = around.counted("bounding the error at every frequency")
-    with around.step(f"bounding the error at {omega.size} frequencies", stated=asked.time_limit) as limit:
+    with around.step(f"bounding the error at {omega.size} frequencies", _SWEPT, asked.time_limit) as limit:
         how: Record = asked.arguments | counted | {"omega": omega, "known": work.band, "time_limit": limit}
         work.error = bounding(result, model=work.model, **how)
 
