@@ -65,11 +65,13 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
 
 
 def _counted(records: list[TimeRecord]) -> list[tuple[TimeRecord, Real]] | None:
-    """Records as `_from_level` counts them; None where an input moves on, none moves early, or an output is on its way."""
-    if any(one.initial != "rest" or one.reference is not None for one in records):
+    """Records as `_from_level` counts them; None where they are short, inputs move on, none early, or outputs are on their way."""
+    samples, nu = records[0].u.shape
+    short = (samples - 1) // 2 < 2 * half_window(len(records), nu) + 1
+    if short or any(one.initial != "rest" or one.reference is not None for one in records):
         return None
     waits = [wait for one in records if (wait := _waits(one.u)) is not None]
-    if len(waits) < len(records) or min(waits) >= len(records[0].u) // _PARTS:
+    if len(waits) < len(records) or min(waits) >= samples // _PARTS:
         return None
     found = [level for one in records if (level := _from_level(one)) is not None]
     return found if len(found) == len(records) else None
