@@ -120,9 +120,8 @@ class _Spectra(PoleFit):
     def pairs(self) -> Complex:
         """The poles, as many as shorten the description of the spectra: from none on, and from a drift that explains much."""
         starts = [np.zeros(0, complex)]
-        if self.angle[0] > 0 and not self._full(
-            1
-        ):  # for an integrator, and what differs from end to end: at 0, where no line is
+        # A pair for an integrator, and what differs from end to end: at 0, where no line is.
+        if self.angle[0] > 0 and not self._full(1):
             starts.append(np.exp(1j * _STILL * self.angle[:1]))
         cost = [self._cost(self.values, poles) for poles in starts]
         paths = [self._shortest(poles) for poles in starts[: 2 if cost[-1] < _MUCH * cost[0] else 1]]

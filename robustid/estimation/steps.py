@@ -56,12 +56,12 @@ def local_from_rest(records: list[TimeRecord], lines: ArrayLike | None) -> Estim
     size, error = np.abs(found.values), np.sqrt(variances(found.covariance, found.values.shape))
     # Again without the others, so that each line has its part in the poles of all.
     found = local(records, _to_last(index, np.any(size > _SEEN * error, axis=2), window), rest=rest)
+    found = found._replace(source=f"{found.source}, the records from rest")
     if not np.any(errors):
         return found
     more = _of_levels(np.array(errors), x[:, found.index], rest, len(records[0].u), found.index)
-    return found._replace(
-        covariance=found.covariance + more, source=f"{found.source}, counted from where the records begin"
-    )
+    source = f"{found.source}, counted from where they begin"
+    return found._replace(covariance=found.covariance + more, source=source)
 
 
 def _counted(records: list[TimeRecord]) -> list[tuple[TimeRecord, Real]] | None:

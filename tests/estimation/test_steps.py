@@ -68,7 +68,7 @@ def test_steps_about_a_point_of_operation_are_counted_from_it(at, seed):
     rng, u = np.random.default_rng([seed, at]), np.where(np.arange(800) < at, 0.0, 30.0)
     y = control.forced_response(plant, U=u).outputs + 0.02 * rng.standard_normal(800)
     frf = response_alone(rid.TimeRecord(u + 20.0 * (at > 0), 22.4 + y, dt=5.0))
-    assert frf.note.endswith("counted from where the records begin")
+    assert frf.note.endswith("the records from rest, counted from where they begin")
     off = np.abs(frf.values[:, 0, 0] - plant(np.exp(5j * frf.omega)))
     assert np.all(off <= 1.2 * frf.bound.radius[:, 0, 0])  # 95 % jointly
     assert frf.bound.radius[0, 0, 0] < 0.6 * np.abs(frf.values[0, 0, 0])  # .01 in the median, up to .43
