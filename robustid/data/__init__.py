@@ -11,7 +11,16 @@ from robustid.data.frequency_points import NYQUIST_SLACK, SAME_FREQUENCY, Freque
 from robustid.data.frequency_response import FrequencyResponse, as_frequency_response
 from robustid.data.inverse_response import inverse_response
 from robustid.data.nonlinear import NONLINEAR, nonlinear_records
-from robustid.data.prepare import FEW, decimate, detrend, longest_part, named_part, sample_time, uniform_step
+from robustid.data.prepare import (
+    FEW,
+    clock_scatter,
+    decimate,
+    detrend,
+    longest_part,
+    named_part,
+    sample_time,
+    uniform_step,
+)
 from robustid.data.response_parts import ENTRIES, LEVELS
 from robustid.data.simulated import SimulatedExperiment, flexible_structure
 from robustid.data.tangential import TangentialResponse
@@ -48,6 +57,7 @@ __all__ = [
     "as_records",
     "bound_ratio",
     "chance_beyond",
+    "clock_scatter",
     "decimate",
     "detrend",
     "expected_feedthrough",

@@ -19,6 +19,8 @@ from robustid.errors import InputError, InputTypeError, Remedy
 # Lines up to this part of the new Nyquist frequency pass the filter; from the new Nyquist frequency on it blocks.
 PASSBAND = 0.8
 _UNIFORM = 1e-6  # relative difference of steps that are called the same
+_NEAREST = 0.5  # part of a step: no instant is nearer to that of another sample, and none was lost
+_SCATTER = 0.05  # part of a step by which instants of a uniform clock may be off: logs that a computer writes
 # Of instants that were rounded: the unit of their last place at most, in steps (a lost sample is half of one off the line), and in
 # lengths of the record, of which the step has a small part as its error; and most digits.
 _LAST_PLACE, _OF_LENGTH, _DIGITS = 0.4, 1e-3, 12
@@ -268,12 +270,17 @@ def named_part(first: int, end: int) -> Remedy:
     return Remedy({}, f"`fields`, as u[{first}:{end}], of the time and all signals")
 
 
-def uniform_step(time: np.ndarray, samples: int, part: Callable[[int, int], Remedy] = named_part) -> float:
-    """Sample time of instants that are uniform; else a sentence, with what names the samples from one to before another."""
+def uniform_step(
+    time: np.ndarray, samples: int, part: Callable[[int, int], Remedy] = named_part, unit: float = 1.0
+) -> float:
+    """Sample time in s of instants that are uniform, in a unit of so many s; else a sentence.
+
+    It has what names the samples from one to before another.
+    """
     if time.shape != (samples,):
         words = f"the time has shape {time.shape} where `u` has {samples} samples; give "
         if time.ndim == 1 and 1 < time.size != samples and samples > 1:
-            step = uniform_step(time, time.size)
+            step = uniform_step(time, time.size, unit=unit)
             raise InputError(
                 words, Remedy({"dt": float(f"{step:.9g}")}), ", the step of that time, instead", argument="time"
             )
@@ -283,18 +290,33 @@ def uniform_step(time: np.ndarray, samples: int, part: Callable[[int, int], Reme
     steps = np.diff(as_array("time", time))
     step = as_positive("time step", (time[-1] - time[0]) / (samples - 1))
     if _uniform(time, step):
-        return float(step)
-    if not _rounded(time, step):
+        return float(step) * unit
+    off = clock_scatter(time)
+    if off > _SCATTER and not _rounded(time, step):
         usual = float(np.median(steps))
         k = int(np.argmax(np.abs(steps - usual)))
+        found = float(f"{_least_squares_step(time) * unit:.6g}")
+        clock: list[str | Remedy] = ["give ", Remedy({"dt": found}), " to take it as uniform"]
         raise InputError(
-            f"the time is not uniform: from {time[k]:.9g} s (sample {k}) to {time[k + 1]:.9g} s the step is"
-            f" {steps[k]:.6g} s, the median step {usual:.6g} s; ",
+            f"the time is not uniform: from {time[k] * unit:.9g} s (sample {k}) to {time[k + 1] * unit:.9g} s the step is"
+            f" {steps[k] * unit:.6g} s, the median step {usual * unit:.6g} s; ",
             *_without_gap(time, steps > _GAP * usual, part),
-            "resample the record, or give `dt`",
+            "resample the record, or ",
+            *(clock if off < _NEAREST else ["give `dt`"]),
         )
-    places = np.arange(samples) - (samples - 1) / 2
-    return float(places @ (time - time.mean()) / (places @ places))  # of least squares, as all were rounded
+    return _least_squares_step(time) * unit  # as all were rounded, or scatter
+
+
+def clock_scatter(time: Real) -> float:
+    """Largest distance of instants from a uniform clock, that of least squares, as a part of its step."""
+    step = _least_squares_step(time)
+    off = time - time.mean() - step * (np.arange(time.size) - (time.size - 1) / 2)
+    return float(np.max(np.abs(off)) / step) if step > 0 else np.inf
+
+
+def _least_squares_step(time: Real) -> float:
+    places = np.arange(time.size) - (time.size - 1) / 2
+    return float(places @ (time - time.mean()) / (places @ places))
 
 
 def _uniform(time: Real, step: float) -> bool:

@@ -23,7 +23,7 @@ def unstable_outputs(record: TimeRecord) -> list[Fault]:
     found: list[Fault] = []
     for y, channel in zip(record.y.T, record.outputs, strict=True):
         size = float(np.abs(y - y[0]).max())
-        if size == 0 or not _swells((y - y[0]) / size):
+        if size == 0 or y.size < _PARTS or not _swells((y - y[0]) / size):
             continue
         growth = y.size * _fastest(y / size, record.u)
         if growth > _GROWTH:

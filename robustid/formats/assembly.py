@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from robustid.core import Options, as_float, as_positive
-from robustid.data import FEW, FrequencyResponse, TimeRecord, longest_part, named_part, uniform_step
+from robustid.data import FEW, FrequencyResponse, TimeRecord, clock_scatter, longest_part, named_part, uniform_step
 from robustid.errors import FileFormatError, InputError, InputTypeError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import TIME_AXES, part_of
@@ -18,6 +18,9 @@ from robustid.formats.role_names import axis_role
 
 _log = logging.getLogger("robustid")
 
+_SAID = 1e-3  # part of a step: instants that scatter more are told
+_PARTS = (1e-3, 1e-6, 1e-9)  # of a second
+_THIS_CENTURY = (946684800.0, 4102444800.0)  # from 2000 to 2100, s since 1970
 _WAYS: tuple[tuple[str, ...], ...] = (
     ("values",),
     ("real", "imag"),
@@ -274,7 +277,11 @@ def time_step(lookup: Lookup, samples: int, named: Callable[[int, int], Remedy] 
     # A scalar T is found as "t" too.
     if time is not None and not (time == "T" and lookup.columns[time].size == 1 < samples):  # type: ignore[union-attr]
         column = lookup.column("time", time)
-        return uniform_step(column, samples, named) * seconds(lookup, time)
+        unit = seconds(lookup, time) * _of_epoch(lookup.name(time), column)
+        step = uniform_step(column, samples, named, unit)
+        if (off := clock_scatter(column)) > _SAID:
+            lookup.clock = f", its instants within {100 * off:.2g} % of a step of a uniform clock"
+        return step
     if time is None and "dt" not in lookup.fields and (unsure := lookup.unsure("time")) is not None:
         seconds(lookup, unsure)
     lookup.refuse_step()
@@ -282,3 +289,13 @@ def time_step(lookup: Lookup, samples: int, named: Callable[[int, int], Remedy] 
         words = f"no 'time' found; give `dt` or name it by `fields`. {lookup.inventory()}"
         raise InputError(words, argument="dt")
     return step
+
+
+def _of_epoch(title: str, instants: np.ndarray) -> float:
+    """Factor to s of instants that count a part of a second since 1970, which a name without a unit does not say."""
+    since = float(np.min(instants))
+    return (
+        1.0
+        if units.in_brackets(title)[1]
+        else next((k for k in _PARTS if _THIS_CENTURY[0] < since * k < _THIS_CENTURY[1]), 1.0)
+    )

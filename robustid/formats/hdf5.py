@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from robustid.errors import FileFormatError
+from robustid.formats.matlab_structures import name_logged_signals
 from robustid.formats.table import Table, check_growth, said
 
 _Item = Any  # of h5py, which states no types: a group, a data set, or a file
@@ -36,6 +37,8 @@ def read_hdf5(path: Path) -> Table:
                 _attributes("", file, table)
             for name, item in found:
                 (_from_matlab73 if matlab else _from_hdf5)(name.replace("/", "."), item, file, table)
+        if matlab:
+            name_logged_signals(table)
     except FileFormatError:
         raise
     except Exception as error:  # h5py raises OSError, RuntimeError, KeyError for broken bytes
@@ -47,8 +50,13 @@ def _from_matlab73(name: str, item: _Item, file: _Item, table: Table) -> None:
     import h5py
 
     kind = _word(item.attrs.get("MATLAB_class", ""))
-    if name.startswith("#") or "MATLAB_empty" in item.attrs or not kind:
+    if name.startswith("#") or "MATLAB_empty" in item.attrs:
         return
+    if not kind and isinstance(item, h5py.Dataset) and h5py.check_ref_dtype(item.dtype) is not None:
+        group, _, field = name.rpartition(".")  # of an array of structures
+        for k, reference in enumerate(_read(name, item, table).reshape(-1)):
+            if _word(file[reference].attrs.get("MATLAB_class", "")):
+                _from_matlab73(f"{group}({k + 1}).{field}", file[reference], file, table)
     if "MATLAB_object_decode" in item.attrs:
         table.objects[name] = kind
     elif not isinstance(item, h5py.Dataset):

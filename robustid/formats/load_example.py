@@ -18,6 +18,9 @@ from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
 from robustid.formats.table import NAMELESS, Table
 
 _ACTING = ("n", "kn", "mn", "nm", "n m", "n*m", "mnm", "a", "ma", "v", "mv")  # units of what drives a machine
+_DRIVES = {"force", "torque", "current", "voltage", "pwm", "duty", "drive", "command", "cmd", "actuator", "effort", "throttle",
+           "heater", "heating", "valve", "input"}  # words for it  # fmt: skip
+_REFERENCES = {"reference", "ref", "setpoint", "sollwert", "soll", "desired", "target", "demand"}
 _MOST_SIGNALS = 12  # a matrix with more columns is hardly one of signals
 _CARTESIAN = ("real", "imag")
 _PARTS_WORDS = "'values' (complex), 'real' and 'imag', or 'magnitude' or 'magnitude_db' and 'phase_deg' or 'phase_rad'"
@@ -145,8 +148,9 @@ def _increases(values: np.ndarray) -> bool:
 def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt: bool) -> list[str | Remedy]:
     """As a time record: the first half are inputs where nothing is named, else one, and outputs are those of one other unit.
 
-    Of numbered names those of the first kind are inputs, where all others are of one other kind; so are forces and currents. Names
-    that have a word in common are outputs of one kind, too.
+    What drives a machine is no output beside what doesn't; what is wanted of it is the reference of a loop. Of numbered names
+    those of the first kind are inputs, where all others are of one other kind; so are forces and currents. Names that have a
+    word in common are of one kind, too.
     """
     fields: dict[str, object] = {}
     if axis is not None:
@@ -156,6 +160,11 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
         fields["time"], dt = axis[0], False
     if len(rest) == 1:
         return _alone(table, rest[0], fields, dt)
+    wanted = [name for name in rest if _words(name) & _REFERENCES]
+    if wanted and len(rest) - len(wanted) > 1:
+        fields["reference"], rest = _one(wanted), [name for name in rest if name not in wanted]
+    if not _drives(rest[0]):
+        rest = sorted(rest, key=_drives, reverse=True)
     half = len(rest) // 2 if len(rest) <= _MOST_SIGNALS and all("[:," in name or ",:]" in name for name in rest) else 1
     outputs, unit = rest[half : 2 * half], units.in_brackets(rest[half])[1]
     if half == 1 and unit and unit != units.in_brackets(rest[0])[1]:
@@ -165,7 +174,7 @@ def _time(table: Table, axis: tuple[str, np.ndarray] | None, rest: list[str], dt
     inputs = rest[:half]
     if half == 1 and (alike := _alike(rest)) and (others := rest[alike:]) and _another(rest[0], others):
         inputs, outputs = rest[:alike], others
-    elif half == 1 and (alike := _acting(rest)):
+    elif half == 1 and (alike := _families(rest) or _acting(rest)):
         inputs, outputs = rest[:alike], rest[alike:]
     fields |= {"u": _one(inputs), "y": _one(outputs)}
     left = [name for name in rest if name not in inputs + outputs]
@@ -178,6 +187,15 @@ def _is_uniform(instants: np.ndarray) -> bool:
     except InputError:
         return False
     return True
+
+
+def _words(name: str) -> set[str]:
+    return set(re.split(r"[\W_\d]+", units.in_brackets(name)[0].lower()))
+
+
+def _drives(name: str) -> bool:
+    """Return whether the name or the unit of a signal is one of what drives a machine."""
+    return bool(_words(name) & _DRIVES) or units.in_brackets(name)[1].lower() in _ACTING
 
 
 def _alike(names: list[str]) -> int:
@@ -198,6 +216,12 @@ def _kin(names: list[str]) -> bool:
     """Return whether names have their first word in common, or their last: w_motor and w_load, "x position" and "y position"."""
     words = [re.split(r"[\W_]+", units.in_brackets(name)[0].strip().lower()) for name in names]
     return all(len(one) > 1 for one in words) and any(len({one[end] for one in words}) == 1 for end in (0, -1))
+
+
+def _families(names: list[str]) -> int:
+    """Number of names of one kind at the beginning before others of one other kind, v_d and v_q before i_d and i_q; 0 for none."""
+    parts = range(2, len(names) - 1)
+    return 0 if _kin(names) else next((k for k in parts if _kin(names[:k]) and _kin(names[k:])), 0)
 
 
 def _acting(names: list[str]) -> int:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from robustid.core import Record
 from robustid.errors import FileFormatError
 from robustid.formats.matlab_objects import Subsystem, plain
+from robustid.formats.matlab_structures import name_logged_signals
 from robustid.formats.table import Table, check_growth, said
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -65,6 +66,7 @@ def read_matlab5(path: Path) -> Table:
         RecursionError,
     ) as error:
         raise _broken(path, said(error)) from None
+    name_logged_signals(table)
     return table
 
 
@@ -163,12 +165,12 @@ def _matrix(parts: _Elements) -> tuple[str, _Value]:
         texts = [item[0] for item in items if isinstance(item, list) and len(item) == 1]
         return name, texts if len(texts) == len(items) else tuple(items)
     owner = parts.text() if kind == _OBJECT else ""
-    if kind in (_STRUCT, _OBJECT) and count == 1:
+    if kind in (_STRUCT, _OBJECT) and (count == 1 or not owner):
         width = int(parts.numbers()[0])
-        fields = bytes(parts.next()[1])
-        names = [fields[k : k + width].split(b"\0")[0].decode("latin-1") for k in range(0, len(fields), width)]
-        fields = {field: parts.matrix() for field in names}
-        return name, _Object(owner, fields) if owner else fields
+        titles = bytes(parts.next()[1])
+        names = [titles[k : k + width].split(b"\0")[0].decode("latin-1") for k in range(0, len(titles), width)]
+        each: list[dict[str, _Value]] = [{field: parts.matrix() for field in names} for _ in range(count)]
+        return name, _Object(owner, each[0]) if owner else each[0] if count == 1 else tuple(each)
     return name, _Object(owner) if owner else None
 
 
@@ -213,6 +215,8 @@ def _store(name: str, value: object, table: Table, objects: dict[str, _Object]) 
         for k, item in enumerate(cast("tuple[object, ...]", value)):
             if isinstance(item, _Object):
                 _store(f"{name}{{{k + 1}}}", item, table, objects)
+            elif isinstance(item, dict):  # of an array of structures, or a cell of them
+                _store(f"{name}({k + 1})", cast("object", item), table, objects)
     elif isinstance(value, list) and value:
         table.texts[name] = value
     elif isinstance(value, np.ndarray):

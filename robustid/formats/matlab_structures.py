@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from robustid.formats.units import FREQUENCY, TIME, factor
 
 STRUCTURE_TIME = {**TIME, **{f"{word}seconds": scale for word, scale in (("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))},
                "hours": 3600.0, "days": 86400.0}  # fmt: skip
+_LOGGED = re.compile(r"signals(\(\d+\))?\.values")  # of a structure with time
 _MARKS = {"frequency": ("ResponseData", "Frequency"), "time": ("OutputData", "InputData")}
 
 
@@ -154,3 +156,33 @@ def _record(table: Table, part: _Part, _: str | None) -> Table:
     return dataclasses.replace(
         table, columns=columns, facts={"time": {k: v for k, v in facts.items() if v is not None}}
     )
+
+
+def name_logged_signals(table: Table) -> None:
+    """Name the signals that a simulation has logged as a structure with time: by their labels, one alone by its variable.
+
+    The times of several such variables are one column, where they are equal.
+    """
+    columns = table.columns
+    logs = [name.removesuffix("time") for name in columns if name.endswith(".time")]
+    logs = [
+        log
+        for log in logs
+        if any(_LOGGED.fullmatch(name.removeprefix(log)) for name in columns if name.startswith(log))
+    ]
+    if not logs:
+        return
+    first = columns[f"{logs[0]}time"]
+    one = all(np.array_equal(first, columns[f"{log}time"]) for log in logs[1:])  # type: ignore[arg-type]
+    named: dict[str, Any] = {}
+    for name, values in columns.items():
+        log = next((log for log in logs if name.startswith(log)), None)
+        rest = "" if log is None else name.removeprefix(log)
+        if log is not None and (signal := _LOGGED.fullmatch(rest)):
+            label = " ".join(table.texts.get(f"{log}signals{signal[1] or ''}.label", [])).strip()
+            title = label or (name if signal[1] else log[:-1])
+            named[title if title not in named else name] = values
+        elif log is None or rest == "time":
+            named["time" if one and rest == "time" else name] = values
+    columns.clear()
+    columns.update(named)

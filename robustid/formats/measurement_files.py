@@ -139,7 +139,7 @@ def _assigned(
         kind = "frequency" if "frequency" in named else "time"
     lookup = Lookup(table, asked.fields, named, dt_known="dt" in options)
     if (kind or lookup.kind()) == "time":
-        return as_time(lookup, options), table.how
+        return as_time(lookup, options), table.how + lookup.clock
     options.pop("initial", None)
     return as_frequency(lookup, options, frequency_unit, asked.grid), table.how + lookup.turned()
 

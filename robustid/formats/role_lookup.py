@@ -49,6 +49,7 @@ class Lookup:
         self.table, self.dt_known = table, dt_known
         self.columns, self.path, self.file, self.fields = table.columns, table.path, table.path.name, fields
         self.named_axes, self.how = named_axes, table.how
+        self.clock = ""  # words on instants that scatter
         self._others: dict[str, Lookup] = {}
         self.text, self.facts, self.export = table.text, table.facts, export(table)
         self.structure = _structure(self.columns)

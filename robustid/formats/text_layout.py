@@ -259,6 +259,8 @@ def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) 
         row = next((cut for cut in cuts if len(cut) == best.width), None)
         if row is None and len(words := line.split()) == best.width and any(map(axis_role, words)):
             row = words
+        if row and (mark := row[0][-1:]) in (",", ";") and all(cell.endswith(mark) for cell in row[:-1]):
+            row = [cell.rstrip(mark) for cell in row]  # a title with its own separators above numbers between spaces
         if row is None and ends and len(cuts[0]) == best.width + 1:
             row = cuts[0][:-1]  # the title of a column without numbers, behind the last separator
         if (

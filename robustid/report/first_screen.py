@@ -18,7 +18,7 @@ from robustid.report.document import Glance, Text
 from robustid.report.frequency import frequency_charts, sigma_chart
 from robustid.report.guarantee import guarantee_sentence, worst_case_charts, worst_case_sigma_chart
 from robustid.report.identified import Bounded, Parts, further_models, in_unit, sample_words, scope, siso
-from robustid.report.largest_response import at_largest, measured_band
+from robustid.report.largest_response import at_largest, beyond_measured, measured_band
 from robustid.report.loop_section import loop_glance
 from robustid.report.pole_box import box_sentence
 from robustid.report.proved_band import band_chart, band_sentence, stands_on
@@ -97,6 +97,8 @@ def proves_nothing(parts: Parts) -> bool:
 def _not_covered(identification: Identification, bound: Bounded | Band) -> str:
     """Say for what the guarantee does not hold."""
     which = ", which was chosen from these data" if chosen(identification) else ""
+    if which and isinstance(bound, Band) and (beyond := beyond_measured(identification.problem)):
+        which = f"{which} and alone bounds the response {beyond}"
     found = [f"a machine outside the class{which}", "samples with errors above their bounds"]
     if identification.problem.parametric is not None and (
         isinstance(bound, WorstCaseError) or getattr(bound, "box", None) is None

@@ -20,6 +20,7 @@ _ROUNDING = 1e-9  # of frequencies, as shares
 _TINY = np.finfo(float).tiny
 _LIGHT = 0.5  # damping ratio, below which a mode has a resonance
 _PEAK = 1.1  # times the smallest response to either side
+_NEARLY = 0.9  # of the highest frequency of sampled data: up to there they say it all
 
 
 def at_largest(identification: Identification, error: WorstCaseError | WorstCaseOverPoles | Band) -> tuple[str, float]:
@@ -43,9 +44,27 @@ def at_largest(identification: Identification, error: WorstCaseError | WorstCase
 
 def measured_band(problem: MixedProblem) -> tuple[float, float] | None:
     """Lowest and highest sample of the responses, rad/s; None where samples in time are used too."""
-    used = [one.omega[one.bound.used.any(axis=(1, 2))] for one in problem.frequency]
-    points = np.concatenate([np.zeros(0), *used])
+    points = _points(problem)
     return None if problem.time or not points.size else (float(points.min()), float(points.max()))
+
+
+def _points(problem: MixedProblem) -> Real:
+    """Frequencies of all samples of the responses that are used, rad/s, ascending."""
+    used = [one.omega[one.bound.used.any(axis=(1, 2))] for one in problem.frequency]
+    return np.unique(np.concatenate([np.zeros(0), *used]))
+
+
+def beyond_measured(problem: MixedProblem) -> str:
+    """Words on the frequencies below and above all samples, "below 2 Hz and above 30 Hz"; empty where samples are up to the ends.
+
+    The lowest sample is at the end where the next one is half as far from it as it is from 0 Hz, or farther.
+    """
+    low, high = measured_band(problem) or (0.0, np.inf)  # of records: no end
+    points, dt = _points(problem), problem.dt
+    found = [f"below {in_hz(low / HZ, 4)}"] if points.size > 1 and low > 2 * (points[1] - low) else []
+    if not np.isinf(high) and (not dt or high < _NEARLY * np.pi / dt):
+        found.append(f"above {in_hz(high / HZ, 4)}")
+    return " and ".join(found)
 
 
 def in_measured_band(identification: Identification, omega: Real) -> NDArray[np.bool_]:

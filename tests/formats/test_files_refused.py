@@ -177,7 +177,8 @@ def test_names_that_could_mean_either_or_neither(tmp_path):
     [
         ([0, 0.1, 0.2, 0.31, 0.4], r"from 0\.2 s \(sample 2\) to 0\.31 s the step is 0\.11 s, the median step 0\.1 s"),
         ([0, 0.1, 0.2, 0.4, 0.5], r"from 0\.2 s \(sample 2\) to 0\.4 s the step is 0\.2 s"),
-        ([0, 0.1, 0.2 + 3e-7, 0.3, 0.4], "the time is not uniform"),
+        ([0, 0.1, 0.2 + 8e-3, 0.3, 0.4], "resample the record, or give `dt=0.1` to take it as uniform"),
+        ([0, 0.1, 0.2, 0.4, 0.5, 0.6][1:], "is 0.2 s"),
         ([0.4, 0.3, 0.2, 0.1, 0.0], "time step` must be positive"),
         ([0, 0, 0, 0, 0], "time step` must be positive"),
         ([0, np.nan, 0.2, 0.3, 0.4], r"`time` must be finite; got nan at index \(1,\)"),

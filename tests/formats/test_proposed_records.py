@@ -15,6 +15,19 @@ COLUMNS = {
         ["valve1 (%)", "valve2 (%)"],
         ["flow (l/min)", "temperature (K)"],
     ),
+    "v_d,v_q,i_d,i_q": (["v_d", "v_q"], ["i_d", "i_q"]),
+    "angle (rad),torque (Nm)": ("torque (Nm)", "angle (rad)"),
+    "x1,x2,F1 (N),F2 (N)": (["F1 (N)", "F2 (N)"], ["x1", "x2"]),
+    "position,motor_current": ("motor_current", "position"),
+}
+LOOPS = {
+    "reference,current (A),gap (mm)": ("reference", "current (A)", "gap (mm)"),
+    "pos_ref,pos,torque": ("pos_ref", "torque", "pos"),
+    "x desired,y desired,Fx (N),Fy (N),x (m),y (m)": (
+        ["x desired", "y desired"],
+        ["Fx (N)", "Fy (N)"],
+        ["x (m)", "y (m)"],
+    ),
 }
 
 
@@ -26,3 +39,13 @@ def test_numbered_columns_of_two_kinds_are_inputs_and_outputs(tmp_path, names):
     np.savetxt(path, values, delimiter=",", header=f"t (s),{names}", comments="", fmt="%.6g")
     fields = rid.look(path).arguments["fields"]
     assert (fields["u"], fields["y"]) == COLUMNS[names]
+
+
+@pytest.mark.parametrize("names", LOOPS)
+def test_what_is_wanted_of_a_machine_is_the_reference_of_its_loop(tmp_path, names):
+    """The reference was proposed as the input of the current, without the gap."""
+    path, count = tmp_path / "run.csv", names.count(",") + 1
+    values = np.column_stack([np.arange(60) * 0.01, np.random.default_rng(0).standard_normal((60, count))])
+    np.savetxt(path, values, delimiter=",", header=f"t (s),{names}", comments="", fmt="%.6g")
+    fields = rid.look(path).arguments["fields"]
+    assert (fields["reference"], fields["u"], fields["y"]) == LOOPS[names]

@@ -15,7 +15,7 @@ from robustid.identification import fit_percent
 from robustid.report import Verdict, head_at_terminal, render_report
 from robustid.report.document import Document, Glance, Heading, Text
 from robustid.report.html import MOST_WARNINGS, render
-from robustid.report.largest_response import is_resonance
+from robustid.report.largest_response import beyond_measured, is_resonance
 from robustid.report.live import live_words
 from robustid.report.proved_band import centre_chart
 from support.report_pages import Page, problem
@@ -83,6 +83,26 @@ def test_the_page_of_a_process_does_not_speak_of_a_resonance():
         page = render_report(result, worst_case=rid.worst_case_error(result, omega=at, directions=4))
         assert "resonance" not in Page(page).text
         assert f"at the largest response{where}, 1×10⁻⁵ Hz" in page
+
+
+@pytest.mark.parametrize(
+    ("hertz", "dt", "expected"),
+    [
+        (np.arange(0.0, 11.0), 0.05, ""),
+        (np.arange(1.0, 10.0), 0.05, ""),
+        (np.arange(1.0, 9.0), 0.05, "above 8 Hz"),
+        (np.arange(3.0, 9.0), 0.05, "below 3 Hz and above 8 Hz"),
+        (np.arange(1.0, 10.0), None, "above 9 Hz"),
+        (np.array([5.0]), 0.05, "above 5 Hz"),
+    ],
+)
+def test_what_no_sample_is_near_is_named(hertz, dt, expected):
+    frf = rid.FrequencyResponse(2 * np.pi * hertz, 1 / (1 + 1j * hertz), bound=0.01, dt=dt)
+    prior = rid.Prior(gain_bound=3.0, decay=0.3)
+    assert beyond_measured(rid.MixedProblem(frequency=frf, prior=prior)) == expected
+    if dt:
+        step = rid.TimeRecord(np.ones(9), np.ones(9), bound=1.0, dt=dt)
+        assert beyond_measured(rid.MixedProblem(frequency=frf, time=step, prior=prior)) == ""
 
 
 @pytest.mark.parametrize("count", [0, 2, 3, 5])

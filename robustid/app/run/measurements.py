@@ -14,6 +14,7 @@ from robustid.advice import Experiment
 from robustid.app.run.controllers import read_controllers
 from robustid.app.run.kept_out import Split, estimate_of, split
 from robustid.app.run.looped import auxiliary_words, faults_of, loop_of, with_faults
+from robustid.app.run.moved_alone import with_all_inputs
 from robustid.app.run.reading import RUN_FILE, D, Data, Tables, in_run_file, read_source
 from robustid.app.run.run_file import RunFile
 from robustid.app.run.run_folder import Surroundings
@@ -197,6 +198,10 @@ def _records(run: RunFile, folder: Path, around: Surroundings, tables: Tables) -
         stated = dataclasses.replace(source, bound=found.bound, correct=found.correct)
         sources.append(_with_digest(_with_past(stated, raw[0]), raw, place))
         records.append((source.use, made))
+    every, said = with_all_inputs([one for _, made in records for one in made])
+    if said:
+        around.say(said)
+        records = [(use, [every.pop(0) for _ in made]) for use, made in records]
     return dataclasses.replace(run, record=tuple(sources)), records
 
 
