@@ -19,6 +19,7 @@ from robustid.formats.json_files import read_json
 from robustid.formats.matlab import read_matlab4, read_matlab5
 from robustid.formats.networks import read_touchstone
 from robustid.formats.numpy_files import read_npy, read_npz
+from robustid.formats.sound import read_sound
 from robustid.formats.table import Table, said
 from robustid.formats.tables_in_memory import table_of
 from robustid.formats.text import read_text
@@ -84,6 +85,8 @@ def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Ta
         return read_npz
     if head.startswith(b"\x93NUMPY"):
         return read_npy
+    if head[:4] in (b"RIFF", b"RIFX", b"RF64") and head[8:12] == b"WAVE":
+        return read_sound
     if head.startswith(b"MATLAB 5.0") or (suffix == ".mat" and head[126:128] in (b"IM", b"MI")):
         return read_matlab5
     if suffix == ".mat":
@@ -100,7 +103,7 @@ def _reader(path: Path, head: bytes, decimal: str | None) -> Callable[[Path], Ta
         return functools.partial(read_text, decimal=decimal)
     raise FileFormatError(
         f"{path.name} isn't a file that robustid reads; give a table of text (.csv, .txt, ...),"
-        " .npz (numpy.savez with names), .npy, .mat (v5 or v7.3), .h5, .json, .uff (58) or Touchstone (.s1p, .s2p, ...)"
+        " .npz (numpy.savez with names), .npy, .mat (v5 or v7.3), .h5, .json, .wav, .uff (58) or Touchstone (.s1p, .s2p, ...)"
     )
 
 

@@ -17,6 +17,8 @@ from robustid.guarantees.linear.search import POINTS, nearest_points, search
 
 _ROUNDS = 4
 _SLACK = 1 + 1e-9
+_SILENT = 0.9  # of an amplitude in what a combination that extracts it confuses it with: it extracts nothing
+_TIMES, _ENLARGED = 100.0, 4  # larger discs for such ones, and how often
 _LARGER = 10.0, 1.0, 100.0, 0.1  # times amplitudes of a fit and the gain: radii to begin with
 # Times the discs of a larger box, which are those of amplitudes about another middle and may be too small: then no sums are as good
 # as none; and the steps of the search from its sums.
@@ -83,16 +85,22 @@ def extract(samples: Samples, budget: Budget | None = None, before: Extraction |
     large = np.abs(fit) + float(samples.gains.max())
     best = None
     for start in (np.full(large.size, np.inf), *(factor * large for factor in _LARGER)):
-        known = Amplitudes(fit, start)
-        for _ in range(_ROUNDS):
+        known, rounds, larger = Amplitudes(fit, start), _ROUNDS, _ENLARGED
+        while rounds:
             points, d = search(samples, targets, known, points=POINTS + samples.amplitude_of.size, budget=budget)
             found = Extraction(samples, known.centre, points, d)
             if best is None or found.known.radius.sum() < best.known.radius.sum():
                 best = found
             over = budget is not None and budget.over
-            if over or not np.all(np.isfinite(found.known.radius)):
+            if np.all(np.isfinite(found.known.radius)):
+                known, rounds = found.known, rounds - 1
+            else:  # to say nothing of an amplitude costs least where its disc is too small to begin with
+                silent = np.isfinite(known.radius) & (np.diag(confusion(samples, targets, found)[2]) > _SILENT)
+                known = Amplitudes(known.centre, np.where(silent, _TIMES * known.radius, known.radius))
+                done = np.all(np.isfinite(best.known.radius)) or not silent.any() or not larger
+                rounds, larger = rounds * (not done), larger - 1
+            if over:
                 break
-            known = found.known
         if over or np.all(np.isfinite(best.known.radius)):  # type: ignore[union-attr]
             break
     return best  # type: ignore[return-value]  # there is a round
