@@ -37,7 +37,7 @@ _AS_SAMPLED = (
 )
 _KNOWN = (
     "state the modes that you know, or a gain bound and a decay; or measure longer, so that several lines lie in every resonance, a"
-    " plant that does not change meanwhile"
+    " plant that does not change meanwhile; of a plant that only its controller holds, state that controller ([loop] in a run file)"
 )
 # Kind of the data, number of the experiment, rad/s or s, and dual weight of an active constraint.
 Active = tuple[str, int, float, float]

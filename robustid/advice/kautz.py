@@ -362,10 +362,12 @@ def _of_decades(fit: LineData, found: RealPoles, lowest: float, repeat: int) -> 
 
 
 def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion:
-    """Real poles of a sampled plant without modes: what decays faster is left to the gain bound."""
-    count, repeat, one = found.omega.size, max(repeat, _TWICE), np.ones(found.omega.size)
+    """Real poles and heavily damped pairs of a sampled plant without modes: what decays faster is left to the gain bound."""
+    repeat, one = max(repeat, _TWICE), np.ones(found.omega.size)
     step, lowest = fit.plane.dt, float(fit.plane.omega(fit.angle[fit.angle > 0][:1])[0])
-    poles = f"{count} real pole{'s' * (count > 1)}"
+    pair = found.damping < 1
+    wide = np.array([min(lowest, float(found.omega[0])) / BELOW, np.pi / step])
+    poles = found.words
     if found.delay:
         poles += f" behind {found.delay} sample{'s' * (found.delay > 1)} of delay"
     reason = (
@@ -374,14 +376,14 @@ def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion
     )
     return KautzSuggestion(
         omega=found.omega,
-        damping=one,
-        omega_interval=np.tile([min(lowest, float(found.omega[0])) / BELOW, np.pi / step], (count, 1)),
-        damping_interval=np.ones((count, 2)),
+        damping=found.damping,
+        omega_interval=np.where(pair[:, None], found.omega[:, None], wide),
+        damping_interval=np.repeat(found.damping[:, None], 2, axis=1),
         level=one,
-        reached=np.ones(count, bool),
+        reached=np.ones(one.size, bool),
         share=one,
-        linear=np.full((count, 2, 2), np.nan),
-        basis=kautz(found.omega, one, dt=step, repeat=repeat, delay=found.delay),
+        linear=np.full((one.size, 2, 2), np.nan),
+        basis=kautz(found.omega, found.damping, dt=step, repeat=repeat, delay=found.delay),
         repeat=repeat,
         delay=found.delay,
         reason=reason,

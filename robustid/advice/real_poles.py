@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robustid.advice.pole_fit import DAMPING
-from robustid.core import Budget, Complex, Real
+from robustid.core import Budget, Complex, Real, counted
 from robustid.data import FrequencyResponse
 from robustid.estimation import PoleFit, most_delay
 
@@ -33,11 +33,19 @@ class RealPoles(NamedTuple):
     left: float  # sum of squares
     largest: float
     delay: int = 0  # samples
+    standing: int = 0  # poles beside them that are as slow as those of a machine that is free to move
 
     @property
     def order(self) -> int:
         """Poles, both of every pair."""
         return self.omega.size + int(np.sum(self.damping < 1))
+
+    @property
+    def words(self) -> str:
+        """Say how many there are of each kind: "1 heavily damped pair and 2 real poles"."""
+        pairs = int(np.sum(self.damping < 1))
+        counts = (pairs, "heavily damped pair"), (self.omega.size - pairs, "real pole")
+        return " and ".join(counted(count, noun) for count, noun in counts if count)
 
 
 def explain_more(found: RealPoles, left: Real, pairs: int) -> bool:
@@ -86,11 +94,12 @@ def _slow(frf: FrequencyResponse, dt: float, budget: Budget, delay: int | None) 
         return None
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
-    slow = (best.damping > _HEAVY) & (best.omega * dt < _FAST) & (best.omega > _SLOWEST * lowest)
+    heavy, moves = best.damping > _HEAVY, best.omega > _SLOWEST * lowest
+    slow = heavy & moves & (best.omega * dt < _FAST)
     if not slow.any():
         return None
-    omega = np.sort(best.omega[slow])
-    return RealPoles(omega, np.ones(omega.size), best.left, best.largest, best.delay)
+    order, standing = np.argsort(best.omega[slow]), int(np.sum(np.where(best.damping < 1, 2, 1)[heavy & ~moves]))
+    return best._replace(omega=best.omega[slow][order], damping=best.damping[slow][order], standing=standing)
 
 
 def _behind(frf: FrequencyResponse, dt: float, budget: Budget, delay: int) -> RealPoles:

@@ -45,3 +45,48 @@ def test_a_drive_with_friction_has_its_slow_real_pole_beside_the_mode(unreduced,
     assert real_poles(band.problem) == 1  # which is taken as exact, and said to be
     assert poles_words(band).endswith("the real pole beside taken as exact")
     assert pole_words([band]).endswith("of others taken as exact")
+
+
+def response_of(plant, hz, dt, seed=3):
+    """With errors inside a bound of 2 %."""
+    rng, omega = np.random.default_rng(seed), 2 * np.pi * hz
+    true = plant(np.exp(1j * omega * dt))
+    errors = 0.02 * np.abs(true) * rng.uniform(0, 0.9, hz.size) * np.exp(2j * np.pi * rng.uniform(size=hz.size))
+    return rid.FrequencyResponse(omega, true + errors, bound=0.02 * np.abs(true), dt=dt)
+
+
+def assert_inside(found, plant, dt):
+    band = rid.band(found.identification)
+    omega = 2 * np.pi * np.linspace(*np.array([0.002, 0.498]) / dt, 2000)
+    centre, radius = band.at(omega)
+    assert np.all(np.abs(plant(np.exp(1j * omega * dt)) - centre[:, 0, 0]) <= radius[:, 0, 0])
+
+
+def test_a_heavily_damped_pair_is_taken_as_a_pair(unreduced, undrawn):
+    """Currents of a machine with 50 Hz of its axes: it was taken for a real pole, and no class that says anything held the data."""
+    dt, s = 1e-4, -250 + 314j
+    plant = control.c2d(control.tf([500.0, 500.0 * 250], np.poly([s, s.conjugate()]).real), dt)
+    found = rid.identify_reduced(response_of(plant, np.geomspace(2.0, 4500.0, 32), dt), worst_case=False)
+    assert found.consistent
+    modes = found.run_file.modes
+    ((pair, zeta),) = [one for one in zip(modes.hz, modes.damping, strict=True) if one[1] < 1]
+    assert np.isclose(zeta, 250 / abs(s), rtol=0.05)
+    assert np.isclose(2 * np.pi * pair, abs(s), rtol=0.05)
+    assert "1 heavily damped pair" in modes.note
+    assert_inside(found, plant, dt)
+
+
+def test_a_drive_that_turns_freely_has_an_integrator_beside_its_friction_and_a_mode(unreduced, undrawn):
+    """Neither integrators alone nor the real pole alone leave a class that says anything."""
+    dt, w = 1e-3, 2 * np.pi * 55
+    plant = control.c2d(control.tf([50.0], [1, 3.0, 0]) + control.tf([0.02 * w**2], [1, 0.02 * w, w**2]), dt)
+    hz = np.sort(np.concatenate([np.geomspace(0.15, 480.0, 50), np.linspace(52.0, 58.0, 9)]))
+    found = rid.identify_reduced(response_of(plant, hz, dt), worst_case=False)
+    assert found.consistent
+    modes = found.run_file.modes
+    assert modes.integrators == 1
+    (real,) = [hz for hz, zeta in zip(modes.hz, modes.damping, strict=True) if zeta == 1]
+    assert np.isclose(2 * np.pi * real, 3.0, rtol=0.1)
+    assert "1 real pole of the response" in modes.note
+    assert "this one and 1 integrator too one does" in modes.note
+    assert_inside(found, plant, dt)

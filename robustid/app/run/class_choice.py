@@ -11,6 +11,7 @@ import numpy as np
 from robustid.advice import (
     SLIGHTLY,
     PriorSuggestion,
+    RealPoles,
     entry_sizes,
     missing_integrators,
     possible_rates,
@@ -177,9 +178,13 @@ def with_prior(
     more = None
     of_data = double and chosen.source is Source.DATA  # modes or none: a valve that integrates has none
     if of_data and not says_something(problem, found):
-        more = _with_integrators(run, single, around)
-        if more is None and own:
-            more = _with_slow_poles(run, single, around, delay)
+        slow = _slow_poles_of(single, around, delay) if own else None
+        both = slow is not None and slow.standing and slow.largest <= 1  # integrators alone leave what these explain
+        more = None if both else _with_integrators(run, single, around)
+        if more is None and slow is not None:
+            more = _with_slow_poles(run, single, around, slow)
+        if more is None and both:
+            more = _with_integrators(run, single, around)
     if more is not None:
         run, problem, found = more
     elif doubled:
@@ -286,27 +291,34 @@ def _with_integrators(
     return None
 
 
-def _with_slow_poles(
-    run: RunFile, problem: MixedProblem, around: Surroundings, delay: int | None
-) -> tuple[RunFile, MixedProblem, PriorSuggestion] | None:
-    """The slow real poles of the response beside the modes, where a class says something then: a drive with friction has one."""
+def _slow_poles_of(problem: MixedProblem, around: Surroundings, delay: int | None) -> RealPoles | None:
+    """The slow real poles of the response; None of records alone, or where there are none."""
     frf = next((one for one in problem.frequency if isinstance(one, FrequencyResponse)), None)
     if frf is None:
         return None
     with around.step("looking for slow real poles", _PRIOR) as limit:
-        slow = slow_poles(frf, Budget(limit), delay)
-    if slow is None:
-        return None
-    modes = with_real_poles(run.modes, slow)
-    try:
-        wider = dataclasses.replace(problem, parametric=basis_of(modes, problem.dt))
-        with around.step("looking for a prior beside slow real poles", _PRIOR) as limit:
-            found = useful_prior(wider, time_limit=limit, progress=around.told, kept=around.folder.gains)
-    except InputError:  # functions that the samples can't tell apart
-        return None
-    if not found.complete or not says_something(wider, found):
-        return None
-    return dataclasses.replace(run, modes=modes), wider, found
+        return slow_poles(frf, Budget(limit), delay)
+
+
+def _with_slow_poles(
+    run: RunFile, problem: MixedProblem, around: Surroundings, slow: RealPoles
+) -> tuple[RunFile, MixedProblem, PriorSuggestion] | None:
+    """The slow real poles of the response beside the modes, where a class says something then: a drive with friction has one.
+
+    Beside integrators too, where the response has poles of a machine that is free to move.
+    """
+    free = min(slow.standing, 2) if missing_integrators(problem) else 0
+    for count in dict.fromkeys((free, run.modes.integrators)):
+        modes = with_real_poles(run.modes, slow, count)
+        try:
+            wider = dataclasses.replace(problem, parametric=basis_of(modes, problem.dt))
+            with around.step("looking for a prior beside slow real poles", _PRIOR) as limit:
+                found = useful_prior(wider, time_limit=limit, progress=around.told, kept=around.folder.gains)
+        except InputError:  # functions that the samples can't tell apart
+            continue
+        if found.complete and says_something(wider, found):
+            return dataclasses.replace(run, modes=modes), wider, found
+    return None
 
 
 def _gain(found: PriorSuggestion) -> float:
