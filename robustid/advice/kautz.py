@@ -232,7 +232,7 @@ def suggest_kautz(
     if wanted is None and (len(poles) or frf.doubt is not None) and not len(kept):  # none stands in a class
         if (real := decades()) is not None and real.largest <= 1:
             return _of_decades(fit, real, lowest, repeat)
-        if (slow := slow_poles(frf, budget, fixed_delay)) is not None:
+        if fit.plane.dt and (slow := slow_poles(frf, budget, fixed_delay)) is not None:
             return _of_process(fit, slow, repeat)
         clock.ended |= budget.over
     omega, damping = fit.plane.modes(*np.exp(poles[kept]).T)

@@ -34,6 +34,9 @@ class RealPoles(NamedTuple):
     largest: float
     delay: int = 0  # samples
     standing: int = 0  # poles beside them that are as slow as those of a machine that is free to move
+    light: tuple[
+        tuple[float, float], ...
+    ] = ()  # natural frequencies and damping ratios of the lighter pairs beside them
 
     @property
     def order(self) -> int:
@@ -70,42 +73,46 @@ def over_decades(frf: FrequencyResponse, budget: Budget) -> RealPoles | None:
 
 
 def slow_poles(frf: FrequencyResponse, budget: Budget, delay: int | None = None) -> RealPoles | None:
-    """Real poles of partial fractions that keep a sampled response inside its bounds, those that decay slowly, by rising frequency.
+    """Real poles and heavily damped pairs of partial fractions that keep a response inside its bounds, those that decay slowly.
 
     Behind the delay with which the fewest do, or leave least: poles that stand for a dead time follow it on the frequency points,
-    and a class around them is too small for the plant. None of a response in continuous time, of too few points, without such
-    a pole, or where the time ends before the search. Where modes are in doubt (`FrequencyResponse.doubt`) those of the response
-    that asks for more, with these or without: around fewer a class is too small for a plant that the bounds hold.
+    and a class around them is too small for the plant. By rising frequency; none of too few points, without such a pole, or where
+    the time ends before the search. Where modes are in doubt (`FrequencyResponse.doubt`) those of the response that asks for
+    more, with these or without: around fewer a class is too small for a plant that the bounds hold.
     """
-    if not frf.dt or frf.omega.size < 2 * _POINTS_A_POLE:
+    if frf.omega.size < 2 * _POINTS_A_POLE:
         return None
-    found = _slow(frf, frf.dt, budget, delay)
+    found = _slow(frf, budget, delay)
     if frf.doubt is None:
         return found
-    other = _slow(dataclasses.replace(frf, values=frf.values + frf.doubt, doubt=None), frf.dt, budget, delay)
+    other = _slow(dataclasses.replace(frf, values=frf.values + frf.doubt, doubt=None), budget, delay)
     fewer = found is None or (other is not None and other.omega.size > found.omega.size)
     return other if fewer else found
 
 
-def _slow(frf: FrequencyResponse, dt: float, budget: Budget, delay: int | None) -> RealPoles | None:
-    delays = range(most_delay(frf, dt) + 1) if delay is None else (delay,)
-    found = [_behind(frf, dt, budget, one) for one in delays]
+def _slow(frf: FrequencyResponse, budget: Budget, delay: int | None) -> RealPoles | None:
+    step = frf.dt or np.pi / float(frf.omega.max())
+    delays = range(most_delay(frf, frf.dt) + 1) if frf.dt and delay is None else (delay or 0,)
+    found = [_behind(frf, step, budget, one) for one in delays]
     if budget.over:  # another delay, or more poles, might be right
         return None
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
     heavy, moves = best.damping > _HEAVY, best.omega > _SLOWEST * lowest
-    slow = heavy & moves & (best.omega * dt < _FAST)
+    slow = heavy & moves & (best.omega * step < _FAST)
     if not slow.any():
         return None
     order, standing = np.argsort(best.omega[slow]), int(np.sum(np.where(best.damping < 1, 2, 1)[heavy & ~moves]))
-    return best._replace(omega=best.omega[slow][order], damping=best.damping[slow][order], standing=standing)
+    light = tuple(zip(best.omega[~heavy].tolist(), best.damping[~heavy].tolist(), strict=True))
+    return best._replace(
+        omega=best.omega[slow][order], damping=best.damping[slow][order], standing=standing, light=light
+    )
 
 
 def _behind(frf: FrequencyResponse, dt: float, budget: Budget, delay: int) -> RealPoles:
     """The poles behind a delay."""
     turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None]
-    ahead = dataclasses.replace(frf, values=turned)
+    ahead = dataclasses.replace(frf, values=turned) if delay else frf
     return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1, budget)._replace(delay=delay)
 
 

@@ -90,3 +90,23 @@ def test_a_drive_that_turns_freely_has_an_integrator_beside_its_friction_and_a_m
     assert "1 real pole of the response" in modes.note
     assert "this one and 1 integrator too one does" in modes.note
     assert_inside(found, plant, dt)
+
+
+def test_a_response_of_continuous_time_has_its_slow_real_pole_too(unreduced, undrawn):
+    """A loudspeaker in its box, 113 dB down at 20 kHz: beside its modes alone no class that says anything held the data."""
+    s, parts = control.tf([1, 0], [1]), ((60.0, 0.3), (9000.0, 0.05))
+    plant = s / (s + 2 * np.pi * 20)
+    for hz, zeta in parts:
+        w = 2 * np.pi * hz
+        plant *= control.tf([w**2], [1, 2 * zeta * w, w**2])
+    rng, omega = np.random.default_rng(1), 2 * np.pi * np.geomspace(20, 20000, 60)
+    errors = 0.04 * rng.uniform(0, 0.9, 60) * np.exp(2j * np.pi * rng.uniform(size=60))
+    values, size = plant(1j * omega), np.abs(plant(1j * omega))
+    frf = rid.FrequencyResponse(omega, values + size * errors, bound=0.04 * size)
+    found = rid.identify_reduced(frf, worst_case=False)
+    assert found.consistent
+    modes = found.run_file.modes
+    assert np.isclose([hz for hz, zeta in zip(modes.hz, modes.damping, strict=True) if zeta == 1], 20, rtol=0.1).all()
+    between = 2 * np.pi * np.geomspace(15, 30000, 1000)
+    centre, radius = rid.band(found.identification).at(between)
+    assert np.all(np.abs(plant(1j * between) - centre[:, 0, 0]) <= radius[:, 0, 0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from robustid.advice import RealPoles
 from robustid.app.run.settings import Modes
 from robustid.core import counted, hz_words
 
+_Ends = tuple[float, float]
 _WORDS = (
     "{poles} of the response ({hz}){behind}: beside the modes alone no class that says anything holds the data; beside"
     " {these}{free} too one does."
@@ -19,8 +21,8 @@ _WORDS = (
 def with_real_poles(modes: Modes, slow: RealPoles, integrators: int) -> Modes:
     """The modes with real poles and integrators beside them, taken as exact, all by rising frequency; behind the delay of these."""
     hz, damping = (slow.omega / (2 * np.pi)).tolist(), slow.damping.tolist()
-    both = [*zip(modes.hz or (), modes.damping or (), strict=True), *zip(hz, damping, strict=True)]
-    boxes = zip(modes.hz_interval or (), modes.damping_interval or (), strict=True)
+    boxes = list(zip(modes.hz_interval or (), modes.damping_interval or (), strict=True))
+    both = [*_beside(modes, boxes, slow), *zip(hz, damping, strict=True)]
     ends = [*boxes, *(((one, one), (zeta, zeta)) for one, zeta in zip(hz, damping, strict=True))]
     order = sorted(range(len(both)), key=lambda k: both[k])
     several = len(hz) > 1
@@ -41,3 +43,17 @@ def with_real_poles(modes: Modes, slow: RealPoles, integrators: int) -> Modes:
         integrators=integrators,
         note=f"{modes.note}\n{words}",
     )
+
+
+def _beside(modes: Modes, boxes: Sequence[tuple[_Ends, _Ends]], slow: RealPoles) -> list[tuple[float, float]]:
+    """Frequency and damping of every mode: of the pair in its box that with the slow poles keeps all bounds, if there is one."""
+    found = list(zip(modes.hz or (), modes.damping or (), strict=True))
+    if slow.largest > 1:
+        return found
+    left = [(omega / (2 * np.pi), damping) for omega, damping in slow.light]
+    for k, (frequency, ratio) in enumerate(boxes):
+        inside = (one for one in left if frequency[0] <= one[0] <= frequency[1] and ratio[0] <= one[1] <= ratio[1])
+        if (pair := next(inside, None)) is not None:
+            left.remove(pair)
+            found[k] = pair
+    return found
