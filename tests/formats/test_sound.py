@@ -29,5 +29,7 @@ def test_a_broken_file_is_said_to_be_one(tmp_path, kept):
     path = tmp_path / "cut.wav"
     scipy.io.wavfile.write(path, 8000, (U * 3e4).astype("i2"))
     path.write_bytes(path.read_bytes()[:kept])
-    with pytest.raises(FileFormatError, match=r"cut\.wav (can't be read as a sound file|holds no numeric arrays)"):
+    with pytest.raises(
+        FileFormatError, match=r"cut\.wav (can't be read as a sound file|is a sound file without a sample)"
+    ):
         rid.load(path)
