@@ -21,7 +21,7 @@ from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.setups import common_modes
 from robustid.advice.setups_result import CommonModes, Disagreement, Moved, disagreement_words, ends_words
-from robustid.advice.smallest_gain import entry_sizes, response_sizes
+from robustid.advice.smallest_gain import entry_sizes, response_sizes, typical_bound
 from robustid.advice.suspect_experiments import Posed, contradiction_faults, suspect_experiments
 from robustid.advice.suspect_modes import suspect_modes
 
@@ -73,6 +73,7 @@ __all__ = [
     "suspect_experiments",
     "suspect_modes",
     "tells_modes",
+    "typical_bound",
     "useful_prior",
     "without_experiments",
 ]

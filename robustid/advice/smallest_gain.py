@@ -108,6 +108,16 @@ def response_sizes(problem: MixedProblem) -> tuple[float, float]:
     return max(*values, *bounds), min(bounds)
 
 
+def typical_bound(problem: MixedProblem) -> float:
+    """Median of the bounds of the responses as a gain, over scaling and weight of the prior; 0 without responses."""
+    scales, found = problem.prior.scales(len(problem.outputs), len(problem.inputs)), [np.zeros(0)]
+    for f in problem.frequency:
+        weights = _largest_weights(f, scales) * _weight(problem, f)
+        found.append((f.bound.inner_radius / weights)[f.bound.used].ravel())
+    every = np.concatenate(found)
+    return float(np.median(every)) if every.size else 0.0
+
+
 def without_doubt(problem: MixedProblem) -> MixedProblem:
     """The problem with the bounds without what is no noise in them: modes in doubt, and halves that differ; the same one without.
 

@@ -29,7 +29,7 @@ from robustid.app.run.class_settings import PriorChoice
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of
 from robustid.app.run.reading import D, Data
-from robustid.app.run.real_poles import with_real_poles
+from robustid.app.run.real_poles import above_errors, with_real_poles
 from robustid.app.run.run_file import PRIOR_NOTE, RunFile
 from robustid.app.run.run_folder import Surroundings
 from robustid.bases import ParametricBasis
@@ -202,6 +202,9 @@ def with_prior(
         size, slowest = _LARGE * response_sizes(problem)[0], problem.prior.with_rate(float(found.decay_rates[0]))
         prior = dataclasses.replace(slowest, gain_bound=size or 1.0)
         source = Source.PROGRAM if found.complete else Source.STOPPED
+    else:
+        prior, words = above_errors(prior, problem, run.modes)
+        note += words
     problem = dataclasses.replace(problem, prior=prior)
     if run.prior.roll_off == AUTO:
         problem, words = _with_roll_off(problem, around)
