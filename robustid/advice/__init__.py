@@ -6,7 +6,7 @@ from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
 from robustid.advice.experiment_corrections import Experiment, experiments, without_experiments
-from robustid.advice.gain_curve import computable_step, possible_rates
+from robustid.advice.gain_curve import SAFETY, computable_step, possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
 from robustid.advice.kept_gains import KeptGains
 from robustid.advice.model_class import suggest_class
@@ -16,7 +16,7 @@ from robustid.advice.pole_fit import tells_modes
 from robustid.advice.pole_search import KautzImprovement, PoleTrial, improve_kautz
 from robustid.advice.prior import PriorSuggestion, says_something, suggest_prior, useful_prior
 from robustid.advice.prior_weight import prior_weight, suggest_roll_off
-from robustid.advice.real_poles import RealPoles, slow_poles
+from robustid.advice.real_poles import HEAVY, RealPoles, slow_poles
 from robustid.advice.scaling import suggest_scaling
 from robustid.advice.sensitivity import Sensitivity, Variation, sensitivity
 from robustid.advice.setups import common_modes
@@ -26,6 +26,8 @@ from robustid.advice.suspect_experiments import Posed, contradiction_faults, sus
 from robustid.advice.suspect_modes import suspect_modes
 
 __all__ = [
+    "HEAVY",
+    "SAFETY",
     "SLIGHTLY",
     "Cause",
     "ClassCandidate",

@@ -367,11 +367,9 @@ def _of_process(fit: LineData, found: RealPoles, repeat: int) -> KautzSuggestion
     step, lowest = fit.plane.dt, float(fit.plane.omega(fit.angle[fit.angle > 0][:1])[0])
     pair = found.damping < 1
     wide = np.array([min(lowest, float(found.omega[0])) / BELOW, np.pi / step])
-    poles = found.words
-    if found.delay:
-        poles += f" behind {found.delay} sample{'s' * (found.delay > 1)} of delay"
+    behind = f" behind {found.delay} sample{'s' * (found.delay > 1)} of delay" if found.delay else ""
     reason = (
-        f"no mode; {poles} and what decays faster leave at most {found.largest:.3g} times the bound. Each is taken"
+        f"no mode; {found.words}{behind} and what decays faster leave at most {found.largest:.3g} times the bound. Each is taken"
         f" {repeat} times, which absorbs small errors of its place; others nearby follow the frequency points as well"
     )
     return KautzSuggestion(

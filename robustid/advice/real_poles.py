@@ -18,7 +18,7 @@ _log = logging.getLogger("robustid")
 
 _FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
 _FAST = 0.7  # decay of a real pole per sample that the gain bound holds as well
-_HEAVY = 0.5
+HEAVY = 0.5  # damping ratio from which a pair is taken as real poles are
 _SLOWEST = 0.1  # part of the lowest frequency point: a slower pole is a drift, or a machine that is free to move
 _POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
 # Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
@@ -98,7 +98,7 @@ def _slow(frf: FrequencyResponse, budget: Budget, delay: int | None) -> RealPole
         return None
     best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
     lowest = float(frf.omega[frf.omega > 0].min())
-    heavy, moves = best.damping > _HEAVY, best.omega > _SLOWEST * lowest
+    heavy, moves = best.damping > HEAVY, best.omega > _SLOWEST * lowest
     slow = heavy & moves & (best.omega * step < _FAST)
     if not slow.any():
         return None

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robustid.advice import RealPoles, response_sizes, typical_bound
+from robustid.advice import HEAVY, SAFETY, RealPoles, response_sizes, typical_bound
 from robustid.app.run.settings import Modes
 from robustid.core import Source, counted, hz_words
 from robustid.identification import MixedProblem, Prior
 
-_HEAVY, _SAFETY = 0.5, 2.0  # damping ratios of a process; gain bounds over what the data ask for
 _Ends = tuple[float, float]
 _WORDS = (
     "{poles} of the response ({hz}){behind}: beside the modes alone no class that says anything holds the data; beside"
@@ -67,9 +66,9 @@ def above_errors(prior: Prior, problem: MixedProblem, modes: Modes) -> tuple[Pri
     Its poles come from the data and are taken as exact: what they miss is left to the non-parametric part, and where it is smaller
     than most bounds the data do not tell how large it is. A class that says nothing then stays as it was.
     """
-    known = modes.source is not Source.DATA or not modes.damping or min(modes.damping) < _HEAVY
-    least = 0.0 if known else float(f"{_SAFETY * typical_bound(problem):.4g}")
-    if not prior.gain_bound < least <= _SAFETY * response_sizes(problem)[0]:
+    known = modes.source is not Source.DATA or not modes.damping or min(modes.damping) < HEAVY
+    least = 0.0 if known else float(f"{SAFETY * typical_bound(problem):.4g}")
+    if not prior.gain_bound < least <= SAFETY * response_sizes(problem)[0]:
         return prior, ""
     words = (
         f"\nK = {least:.4g}, twice the median bound: the real poles are taken as exact, and a non-parametric part smaller than most"
