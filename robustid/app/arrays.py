@@ -78,8 +78,8 @@ def _two_sided(values: np.ndarray) -> bool:
     )
 
 
-def array_faults(item: Item) -> list[Fault]:
-    """Faults of one array: not finite, decibels, degrees."""
+def array_faults(item: Item, of_record: bool) -> list[Fault]:
+    """Faults of one array: not finite, decibels, degrees; of a record an amplitude or an angle is a signal."""
     values, name = np.asarray(item.values), item.address
     found: list[Fault] = []
     missing = int(np.sum(~np.isfinite(values)))
@@ -92,7 +92,7 @@ def array_faults(item: Item) -> list[Fault]:
         words = f"{name} is a two-sided spectrum, its second half the conjugate of its first: keep rows 0 to {half},"
         words += f' "{name.removesuffix("[:]")}[:{half + 1}]"'
         found.append(Fault(FaultKind.TWO_SIDED, words, where=name, size=half))
-    if np.iscomplexobj(values) or not values.size or missing == values.size:
+    if np.iscomplexobj(values) or not values.size or missing == values.size or of_record:
         return found
     finite: Real = np.asarray(values[np.isfinite(values)] if missing else values, dtype=float)
     said = heading(name)

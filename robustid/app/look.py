@@ -260,7 +260,7 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
     found = contents(table)
     timed = any(axis_role(item.address) == "time" for item in found.items)  # then an angle is a signal, and no phase
     rows = tuple((item.address, shape_words(item), said_words(item, of_record=timed)) for item in found.items)
-    odd = [fault for item in found.items if item.values is not None for fault in array_faults(item)]
+    odd = [fault for item in found.items if item.values is not None for fault in array_faults(item, timed)]
     try:
         data, how = ([load(table, fields=one) for one in apart], "") if apart else read_said(table, **options)
         how = found.how if apart or table.meta is not None else how
@@ -279,6 +279,10 @@ def look(path: str | os.PathLike[str], **options: Any) -> Look:
             "error": error,
             "proposed": proposed,
         }
+        if tried and unknown == ("dt",):  # a period counts samples
+            odd += [
+                fault for fault in _faults(_proposed(table, tried, apart)) if fault.kind is FaultKind.UNSTATED_PERIOD
+            ]
         return Look(path=str(path), how=found.how, rows=rows, faults=(*odd, *_faults(proposed)), **told)
     odd += _faults(data)
     several: Sequence[object] = data if is_array(data) else [data]

@@ -74,12 +74,13 @@ def expanded(what: str, index: tuple[Index, ...], shape: tuple[int, ...]) -> tup
     )
 
 
-def part_of(names: Mapping[str, object], first: int, end: int) -> Remedy | None:
-    """Addresses of the samples from `first` to before `end` of arrays by roles; None where one is a part of an array already."""
+def part_of(names: Mapping[str, object], first: int, end: int, step: int = 1) -> Remedy | None:
+    """Addresses of samples from `first` to before `end` of arrays by roles; None where one is a part of an array already."""
     listed = {role: cast("list[str]", one if isinstance(one, list) else [one]) for role, one in names.items()}
     if any(parse(one) is not None for several in listed.values() for one in several):
         return None
-    parts = {role: [f"{one}[{first}:{end}]" for one in several] for role, several in listed.items()}
+    samples = _text(slice(first, end, None if step == 1 else step))
+    parts = {role: [f"{one}[{samples}]" for one in several] for role, several in listed.items()}
     return Remedy({"fields": {role: one if isinstance(names[role], list) else one[0] for role, one in parts.items()}})
 
 

@@ -223,7 +223,15 @@ def _refuse_gaps(lookup: Lookup, names: Mapping[str, object], signals: Mapping[s
     gone = {role: np.isnan(signals[role].reshape(len(signals[role]), -1)).any(axis=1) for role in ("u", "y")}
     if (role := next((role for role, rows in gone.items() if rows.any()), None)) is None:
         return
-    rows, ends = gone[role], np.flatnonzero(np.concatenate([[True], gone["u"] | gone["y"], [True]]))
+    rows, known = gone[role], np.flatnonzero(~(gone["u"] | gone["y"]))
+    step = int(known[1] - known[0]) if known.size > 3 else 1
+    if step > 1 and bool(np.all(np.diff(known) == step)):
+        own = part_of(_arrays(lookup, names), int(known[0]), rows.size, step) or named_part(int(known[0]), rows.size)
+        raise InputError(
+            f"{names[role]!r} has a value in every {step}th sample only: use these alone, if the input is held between them, by ",
+            own,
+        )
+    ends = np.flatnonzero(np.concatenate([[True], gone["u"] | gone["y"], [True]]))
     k = int(np.argmax(np.diff(ends)))
     first, end = int(ends[k]), int(ends[k + 1]) - 1
     part = [*longest_part(first, end, _namer(lookup, names)), ", or fill the gaps"] if end - first >= FEW else []
@@ -235,9 +243,14 @@ def _refuse_gaps(lookup: Lookup, names: Mapping[str, object], signals: Mapping[s
 
 def _namer(lookup: Lookup, names: Mapping[str, object]) -> Callable[[int, int], Remedy]:
     """Names for a part of a record: addresses of the same samples of all its arrays, where these are whole."""
-    time = lookup.find("time")
-    arrays = names if time is None else {"time": time, **names}
+    arrays = _arrays(lookup, names)
     return lambda first, end: part_of(arrays, first, end) or named_part(first, end)
+
+
+def _arrays(lookup: Lookup, names: Mapping[str, object]) -> Mapping[str, object]:
+    """Names of the arrays of a record by their roles, with its time."""
+    time = lookup.find("time")
+    return names if time is None else {"time": time, **names}
 
 
 def _is_reference(lookup: Lookup, name: object, names: Mapping[str, object]) -> bool:

@@ -133,12 +133,12 @@ class Lookup:
         return bool(np.all(steps > 0) or np.all(steps < 0))
 
     def sample_time(self) -> float | None:
-        """A stored sample time or rate: a variable of one number, never a column of a text file."""
+        """A stored sample time or rate: a variable of one number, or a column of a text that repeats one."""
         if "dt" in self.fields:
             return as_positive("fields['dt']", self.column("dt", self.fields["dt"])) * seconds(self, self.fields["dt"])
         if "rate" in self.fields:
             return 1 / (as_positive("fields['rate']", self.column("rate", self.fields["rate"])) * self._hz())
-        for role in () if self.text else ("dt", "rate"):
+        for role in ("dt", "rate"):
             for name in NAMES[role]:
                 value = self.columns.get(self.structure + name)
                 # MATLAB's Ts is 0 for continuous time and -1 for "not said".

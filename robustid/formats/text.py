@@ -12,8 +12,18 @@ import numpy as np
 
 from robustid.errors import FileFormatError, Remedy
 from robustid.formats.clock_times import Row, in_seconds, tells_clock_times
+from robustid.formats.role_names import NAMES, axis_role, is_usual
 from robustid.formats.table import Table
-from robustid.formats.text_layout import Layout, cells_of, is_comment, layout_of, whole_row, with_point
+from robustid.formats.text_layout import (
+    Layout,
+    addressed,
+    cells_of,
+    is_comment,
+    layout_of,
+    numbered,
+    whole_row,
+    with_point,
+)
 
 Column = np.ndarray | FileFormatError  # the error is raised where somebody asks for the column
 
@@ -24,6 +34,8 @@ _BLOCK_TEXT = 2**22  # characters
 _HEAD, _HEAD_TEXT = 500, 2**18  # lines and characters from which the layout is taken
 _FEWEST = 3  # lines, however long
 _REMARKS = 200  # lines of remarks of which the last may hold the names
+_STEPS = ("dt", "Ts", *NAMES["rate"])  # columns that can say one number
+_MOST_SHOWN, _LONGEST_SHOWN = 3, 100  # names, and characters of one
 _BINARY = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 
 
@@ -43,14 +55,58 @@ def read_text(path: Path, decimal: str | None = None) -> Table:
             body = (row for row in itertools.chain(head, rows) if row[0] >= layout.first)
             footer: list[int] = []
             columns = _columns(path, _without_footer(path, body, layout, footer), layout)
+            columns, words = _once(columns, layout)
     except UnicodeDecodeError:
         raise FileFormatError(f"{path.name} isn't UTF-8 text; export it as comma-separated text (UTF-8)") from None
-    how = layout.words
+    how = layout.words + words
     how += f", {_lines(footer)} at the end without numbers left out" if footer else ""
     how += ", times of day as seconds" if clock else ""
     how += "" if encoding.startswith("utf-8") else f", {encoding}"
     description = meta[len(_MARK) :] if meta.startswith(_MARK) else None
+    columns |= {name: step for name in _STEPS if (step := _one_number(columns.get(name))) is not None}
     return Table(path, columns, description, how=how, text=True)
+
+
+def _once(columns: dict[str, Column], layout: Layout) -> tuple[dict[str, Column], str]:
+    """Columns without those that repeat a title and its values, and words about titles that are repeated.
+
+    By their addresses, where a title that several columns keep is one of an axis or of a role: it would be one of them silently.
+    """
+    left = dict(columns)
+    kept = list[str]()
+    for title in layout.repeated:
+        same = itertools.takewhile(columns.__contains__, (numbered(title, k) for k in itertools.count(2)))
+        for name in same:
+            first, other = columns[title], columns[name]
+            if (
+                isinstance(first, np.ndarray)
+                and isinstance(other, np.ndarray)
+                and np.array_equal(first, other, equal_nan=True)
+            ):
+                del left[name]
+            elif title not in kept:
+                kept.append(title)
+    if any(axis_role(title) or any(is_usual(role, title) for role in NAMES) for title in kept):
+        shown = ", ".join(title[:_LONGEST_SHOWN] for title in sorted(kept)[:_MOST_SHOWN])
+        found = dict(zip(addressed(len(columns)), columns.values(), strict=True))
+        return found, f"; names that are not all different ({shown}), so not used"
+    again = len(columns) - len(left)
+    once = (
+        ""
+        if not again
+        else ", one that repeats another left out"
+        if again == 1
+        else f", {again} that repeat others left out"
+    )
+    return left, once + ", those of the same name numbered" * bool(kept)
+
+
+def _one_number(column: Column | None) -> np.ndarray | None:
+    """One number that a column repeats, or that stands in its first row alone; None where there is none."""
+    if not isinstance(column, np.ndarray) or column.dtype.kind not in "fi":
+        return None
+    known = np.unique(column[np.isfinite(column)])
+    return known if known.size == 1 else None
 
 
 def _encoding(path: Path) -> str:

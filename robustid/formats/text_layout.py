@@ -35,6 +35,7 @@ _SEPARATORS = ("\t", ";", ",", "|", None)  # None: white space
 _WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "spaces"}
 _MOST_NAMED, _MOST_ABOVE = 3, 8
 _NO_NAMES = "no names"
+_REMARKS = ("comment", "comments", "remark", "remarks")  # titles of a column that may be empty
 _RULE = re.compile(r"[\s\-=_+|,;]*")  # a line of strokes
 _END = re.compile(r"\W*end\W*(of\W*)?(comments?|header|head)\b", re.IGNORECASE)
 
@@ -47,6 +48,7 @@ class Layout(NamedTuple):
     names: tuple[str, ...]  # of the columns, with units in brackets; addresses where the file has none
     first: int  # line of numbers
     words: str  # one line that says all this
+    repeated: tuple[str, ...] = ()  # titles that several columns have; behind the first they are numbered
 
 
 class _Reading(NamedTuple):
@@ -158,12 +160,14 @@ def layout_of(name: str, lines: Sequence[tuple[int, str]], decimal: str | None) 
         )
     remarks = [remark for remark in lines if is_comment(remark[1]) and remark[0] < number]
     ends = best.separator is not None and line.rstrip(" \r\n").endswith(best.separator)
-    names, words = _names(best, table[: best.start], remarks, ends)
+    names, words, repeated = _names(best, table[: best.start], remarks, ends)
     if words == _NO_NAMES and len(own := BY_ENDING.get(Path(name).suffix.lower(), ())) == best.width:
         names, words = own, f"names as files {Path(name).suffix} have them"
     how = f"text, {best.width} columns separated by {_WORDS[best.separator]}" if best.several else "text, one column"
     how += " with decimal commas" * (best.decimal == ",")
-    return Layout(best.separator, best.decimal, names, number, f"{how}, {words}, numbers from line {number} on")
+    return Layout(
+        best.separator, best.decimal, names, number, f"{how}, {words}, numbers from line {number} on", repeated
+    )
 
 
 def _possible(separator: str | None, mark: str, lines: list[str], stated: str | None) -> bool:
@@ -176,6 +180,10 @@ def _possible(separator: str | None, mark: str, lines: list[str], stated: str | 
 def _reading(lines: list[str], separator: str | None, decimal: str) -> _Reading | None:
     """One way to cut the lines; None where no line of numbers comes out."""
     rows = [cells_of(line, separator) for line in lines]
+    widest = max((len(row) for row in rows if all(not cell or is_number(cell, decimal) for cell in row)), default=0)
+    rows = [
+        whole_row(line, separator, widest) if len(row) < widest else row for line, row in zip(lines, rows, strict=True)
+    ]
     patterns = [tuple(is_number(cell, decimal) for cell in row[:_MOST_CELLS]) for row in rows]
     counts = Counter((len(row), pattern) for row, pattern in zip(rows, patterns, strict=True) if any(pattern))
     if not counts:
@@ -214,14 +222,14 @@ def _like(row: list[str], pattern: tuple[bool, ...], usual: tuple[bool, ...], wi
 
 def _names(
     best: _Reading, above: Sequence[tuple[int, str]], remarks: Sequence[tuple[int, str]], ends: bool
-) -> tuple[tuple[str, ...], str]:
-    """Names of the columns, and where they stand in words; without names their addresses."""
-    addresses = tuple(f"[:,{k}]" for k in range(best.width))
+) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
+    """Names of the columns, where they stand in words, and those that are repeated; without names their addresses."""
+    addresses = addressed(best.width)
     bare = [(k, line.strip().lstrip("#%!/*").strip()) for k, line in remarks]
     bare = [(k, line) for k, line in bare if line]
     rows = _rows_of_text(above, best, ends) or _rows_of_text(bare, best, ends)
     if not rows:
-        return addresses, _NO_NAMES
+        return addresses, _NO_NAMES, ()
     *rows, (at, row) = rows
     words, symbols = "", [""] * best.width
     if rows and _is_units(row):
@@ -231,9 +239,6 @@ def _names(
     while len(set(row)) < len(row) and rows:
         *rows, (at, upper) = rows
         row = [f"{group} {cell}".strip() for group, cell in zip(_filled(upper), row, strict=True)]
-    if equal := sorted(cell for cell, count in Counter(row).items() if cell and count > 1):
-        shown = ", ".join(cell[:_LONGEST_NUMBER] for cell in equal[:_MOST_NAMED])
-        return addresses, f"names that are not all different ({shown}), so not used"
     names = [
         f"{cell} [{unit}]" if unit and not units.in_brackets(cell)[1] else cell
         for cell, unit in zip(row, symbols, strict=True)
@@ -241,7 +246,29 @@ def _names(
     usable = (
         name if 0 < len(name) <= _LONGEST_NAME else address for name, address in zip(names, addresses, strict=True)
     )
-    return tuple(usable), f"names in line {at}{words}"
+    names = [*usable]
+    repeated = tuple(name for name, count in Counter(names).items() if count > 1)
+    return tuple(_numbered(names)), f"names in line {at}{words}", repeated
+
+
+def addressed(width: int) -> tuple[str, ...]:
+    """Addresses of the columns, which stand for their names."""
+    return tuple(f"[:,{k}]" for k in range(width))
+
+
+def numbered(name: str, k: int) -> str:
+    """Name of the k-th column with the same title, the number before its unit."""
+    base, unit = units.in_brackets(name)
+    return name if k == 1 else f"{base} {k} [{unit}]" if unit else f"{name} {k}"
+
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    seen = Counter[str]()
+    found = list[str]()
+    for name in names:
+        seen[name] += 1
+        found.append(numbered(name, seen[name]))
+    return found if len(set(found)) == len(found) else [*addressed(len(names))]
 
 
 def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) -> list[tuple[int, list[str]]]:
@@ -261,7 +288,7 @@ def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) 
             row = words
         if row and (mark := row[0][-1:]) in (",", ";") and all(cell.endswith(mark) for cell in row[:-1]):
             row = [cell.rstrip(mark) for cell in row]  # a title with its own separators above numbers between spaces
-        if row is None and ends and len(cuts[0]) == best.width + 1:
+        if row is None and len(cuts[0]) == best.width + 1 and (ends or cuts[0][-1].lower() in _REMARKS):
             row = cuts[0][:-1]  # the title of a column without numbers, behind the last separator
         if (
             row is None

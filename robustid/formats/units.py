@@ -20,7 +20,8 @@ SIEMENS = {"S": 1.0, "mS": 1e-3, "µS": 1e-6, "uS": 1e-6, "Ohm-1": 1.0, "Ohm^-1"
 # Of signals, in lower case: what stands in a line of units.
 USUAL = {"", "-", "1", "%", "v", "mv", "kv", "a", "ma", "n", "kn", "mn", "nm", "m", "mm", "um", "µm", "m/s", "m/s^2", "m/s2",
          "m/s²", "mm/s", "g", "rad/s", "rad/s^2", "pa", "kpa", "bar", "db", "k", "°c", "w", "n/v", "m/n", "m/v", "#", "bits",
-         "deg c", "degc", "v vs. ref.", "g/n", "(m/s²)/n", "(m/s^2)/n", *(unit.lower() for unit in (*OHM, *SIEMENS))}  # fmt: skip
+         "deg c", "degc", "volt", "volts", "amp", "ampere", "newton",
+         "v vs. ref.", "g/n", "(m/s²)/n", "(m/s^2)/n", *(unit.lower() for unit in (*OHM, *SIEMENS))}  # fmt: skip
 # And of no axis; "m" may be minutes, too.
 OF_SIGNALS = USUAL - {"", "-", "1", "%", "#", "m", *(unit.lower() for unit in (*FREQUENCY, *TIME))}
 _BRACKETS = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))", re.DOTALL)

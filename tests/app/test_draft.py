@@ -15,6 +15,12 @@ COUNT, U = np.arange(SAMPLES), np.random.default_rng(0).standard_normal(SAMPLES)
 Y, MS = np.convolve(U, [0, 0.5, 0.3])[:SAMPLES], 2.0 * np.arange(SAMPLES)
 PAIRS = {"u1": U, "y1": Y, "u2": U[::-1], "y2": Y[::-1]}
 ONE, TWO = {"u": "u1", "y": "y1"}, {"u": "u2", "y": "y2"}
+
+
+def named(pattern):
+    return {role: pattern.format(role) for role in "uy"}
+
+
 STRUCTURE = {"u": U, "y": Y, "Ts": 2e-3}
 
 # Name, columns of a text or arrays of a file, expected fields of every record, and whether the sample time is asked for.
@@ -42,6 +48,12 @@ TABLE = [
     ("four_unlike.npz", {"u1": U, "u2": U[:90], "y1": Y, "y2": Y[:90]}, [ONE, TWO], True),
     ("four_joint.npz", {"u1": U, "u2": U[::-1], "y1": Y, "y2": Y[::-1]}, [None], True),
     ("four_low.npz", {"u_1": U, "y_1": Y, "u_2": U, "y_2": Y}, [{"u": f"u_{k}", "y": f"y_{k}"} for k in (1, 2)], True),
+    ("uses.mat", {"uEst": U, "uVal": U, "yEst": Y, "yVal": Y}, [named("{}Est"), named("{}Val")], True),
+    ("uses.csv", {"u_train": U, "y_train": Y, "u_test": U, "y_test": Y}, [named("{}_train"), named("{}_test")], True),
+    ("uses_step.csv", {"uval": U, "yval": Y, "Ts": 0 * U + 2e-3}, [named("{}val")], False),
+    ("one_word.mat", {"uBenchMark": U, "yBenchMark": Y, "fs": 500.0}, [named("{}BenchMark")], False),
+    ("axes.mat", {"u_d": U, "u_q": U[::-1], "y_d": Y, "y_q": Y}, [{"u": ("u_d", "u_q"), "y": ("y_d", "y_q")}], True),
+    ("z.mat", {"z1": Y, "u1": U, "z2": Y, "u2": U}, [{"u": "u1", "y": "z1"}, {"u": "u2", "y": "z2"}], True),
     ("structure.mat", {"run": STRUCTURE}, [None], False),
     (
         "structures.mat",
@@ -79,7 +91,7 @@ def test_signals_and_sample_time_that_are_proposed(tmp_path, name, arrays, field
         assert record.dt == (1.0 if name == "seconds.csv" else pytest.approx(2e-3))
         assert np.array_equal(record.u[0], [U[0]] if record.u.shape[1] == 1 and source.fields != TWO else record.u[0])
     together = "played together" in draft.text
-    assert together == (len(fields) == 2 and "unlike" not in name)
+    assert together == (len(fields) == 2 and "unlike" not in name and "uses" not in name)
 
 
 GUESSES = [

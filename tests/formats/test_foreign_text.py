@@ -79,6 +79,31 @@ CASES = {
     ),
     "no unit.csv": ("frequency,real,imag\n" + rows(HZ, G.real, G.imag), {"frequency_unit": "Hz"}),
     "same names.csv": ("x,x,x\n" + rows(T, U, Y), {"fields": SIGNALS}),
+    "twice.csv": (
+        "Time (s),Force (N),Time (s),Position (m)\n" + rows(T, U, T, Y),
+        {"fields": {"time": "Time (s)", "u": "Force (N)", "y": "Position (m)"}},
+    ),
+    "amplitudes.csv": (
+        "Time,Amplitude,Time,Amplitude\n" + rows(T, U, T, Y),
+        {"fields": {"time": "Time", "u": "Amplitude", "y": "Amplitude 2"}},
+    ),
+    "two clocks.csv": (
+        "Time,u,Time,y\n" + rows(T, U, T + DT / 3, Y),
+        {"fields": {"time": "[:,0]", "u": "[:,1]", "y": "[:,3]"}},
+    ),
+    "multi.lvm": (
+        "X_Value\tdrive\tX_Value\tsensor\tComment\n" + rows(T, U, T, Y, separator="\t"),
+        {"fields": {"time": "X_Value", "u": "drive", "y": "sensor"}},
+    ),
+    "scope.csv": (
+        "Record Length,Analog:8\nSource,CH1,CH2\nSecond,Volt,Volt\n" + rows(T, U, Y),
+        {"fields": {"time": "Source [Second]", "u": "CH1 [Volt]", "y": "CH2 [Volt]"}},
+    ),
+    "slow sensor.csv": (
+        "t,u,y\n" + cells([k / 8 for k in range(4 * U.size)], np.repeat(U, 4), [y for v in Y for y in (v, "", "", "")]),
+        {"fields": {role: f"{name}[0:{4 * U.size}:4]" for role, name in zip(("time", "u", "y"), "tuy", strict=True)}},
+        lambda record: same_record(record, dt=0.5),
+    ),
     "two signals.prn": (rows(U, Y, separator="   "), COLUMNS, lambda record: same_record(record, dt=1.0)),
     "ltspice.txt": (
         "Freq.\tV(out)\n" + "".join(f"{f:.15e}\t{z.real:.15e},{z.imag:.15e}\n" for f, z in zip(HZ, G, strict=True)),

@@ -100,7 +100,7 @@ def new(
     from robustid.app.look import look
     from robustid.core import atomic_write
 
-    written_files.check_outputs([output], files, False)
+    written_files.check_outputs([output], files, None)
     console = screen.console()
     draft = drafted_run_file([look(path) for path in files], output.parent)
     with atomic_write(output) as file:

@@ -32,8 +32,8 @@ def check_ending(output: Path, endings: Sequence[str]) -> None:
         raise InputError(f"--output {output} must end in {', '.join(others)} or {last}")
 
 
-def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path], force: bool) -> None:
-    """Refuse, before anything is computed, what could not be written or would destroy something."""
+def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path], force: bool | None) -> None:
+    """Refuse, before anything is computed, what could not be written or would destroy something; `force` None: no such option."""
     read, paths = {path.resolve() for path in inputs}, [path for path in outputs if path is not None]
     for path in paths:
         if path.is_dir():
@@ -43,7 +43,9 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path], force:
         if [other.resolve() for other in paths].count(path.resolve()) > 1:
             raise InputError(f"{path} would be written twice; choose different names")
         if path.exists() and not force:
-            words = f"{path} exists; choose another name, or pass --force to replace it"
+            words = f"{path} exists; choose another name" + (
+                ", or pass --force to replace it" if force is False else ""
+            )
             raise InputError(words, argument="output", got=str(path))
         if not path.parent.is_dir():
             raise InputError(f"the folder {path.parent} does not exist; create it first")

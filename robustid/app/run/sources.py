@@ -50,7 +50,8 @@ def _recognised(roles: str) -> str:
 def _response_fields() -> str:
     return (
         "Name in the file of every role: omega=w, real=Re, imag=Im, values=G.data, bound=eps. Recognised without it, upper or"
-        f" lower case: {_recognised('FREQUENCY')}; in .npz and .mat the sample time as dt, Ts or T."
+        f" lower case: {_recognised('FREQUENCY')}; in .npz and .mat the sample time as dt, Ts or T, in text as a"
+        " column dt or Ts of one number."
     )
 
 
