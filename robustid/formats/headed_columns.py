@@ -33,7 +33,7 @@ class Column(NamedTuple):
     values: np.ndarray
 
 
-Parts = dict[str, Column]  # by part, "decibels" for a magnitude in dB
+Parts = dict[str, Column]  # by part, "decibels" for a magnitude in dB, "complex" for both
 
 
 def from_headings(table: Table, kind: str | None) -> Table:
@@ -71,13 +71,13 @@ def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, Pa
     found: dict[tuple[str, str], dict[str, Parts]] = {}
     twice: set[tuple[str, str]] = set()
     for name, values in table.columns.items():
-        if not isinstance(values, np.ndarray) or np.iscomplexobj(values) or values.size != points:
+        if not isinstance(values, np.ndarray) or values.size != points or (said := heading(name)) is None:
             continue
-        said = heading(name)
-        if said is None or not said.part:
+        whole = np.iscomplexobj(values)
+        if bool(said.part) == whole or (whole and not said.entry):
             continue
         key = (said.quantity, "")
-        part = "decibels" if said.part == "magnitude" and said.decibels else said.part
+        part = "decibels" if said.part == "magnitude" and said.decibels else said.part or "complex"
         parts = found.setdefault(key, {}).setdefault(said.entry, {})
         if part in parts and not np.array_equal(parts[part].values, values.reshape(-1)):
             twice.add(key)
@@ -94,6 +94,8 @@ def _quantities(table: Table, points: int) -> dict[tuple[str, str], dict[str, Pa
 
 def complex_values(parts: Parts) -> np.ndarray | None:
     """The complex numbers that the parts make, with the signs that their names say; None where one is missing."""
+    if "complex" in parts:
+        return parts["complex"].values
     turn = None  # the phase, as a number of size 1
     if (phase := parts.get("phase")) and (scale := units.factor(units.PHASE, phase.heading.unit)) is not None:
         turn = np.exp(1j * phase.heading.sign * scale * phase.values)
@@ -131,7 +133,7 @@ def _check_matrix(quantity: str, entries: dict[str, Parts], complete: set[str]) 
     if missing := sorted(wanted - complete):
         shown = ", ".join(quantity + entry for entry in missing)
         first = sorted(complete)[0]
-        names = [entries[first][part].name for part in ("real", "imag", "magnitude", "decibels", "phase")
+        names = [entries[first][part].name for part in ("complex", "real", "imag", "magnitude", "decibels", "phase")
                  if part in entries[first]]  # fmt: skip
         verb = "are" if len(missing) > 1 else "is"
         raise InputError(
@@ -148,7 +150,7 @@ def _with_response(
     matrix = np.stack([values[row + column] for row in outputs for column in inputs], axis=-1)
     matrix = matrix.reshape(-1, len(outputs), len(inputs))
     parts = next(iter(used.values()))
-    first = parts.get("real") or parts.get("magnitude") or parts["decibels"]
+    first = next(parts[part] for part in ("complex", "real", "magnitude", "decibels") if part in parts)
     unit = _unit(first)
     sizes = [column for one in used.values() for part, column in one.items() if part != "phase"]
     if other := next((column for column in sizes if _unit(column).lower() != unit.lower()), None):
@@ -181,6 +183,8 @@ def _with_response(
 
 def _taken(parts: Parts) -> list[Column]:
     """The columns of an entry that its values are made of."""
+    if "complex" in parts:
+        return [parts["complex"]]
     wanted = ("real", "imag") if {"real", "imag"} <= set(parts) else ("magnitude", "phase")
     wanted = wanted if wanted[0] in parts else ("decibels", "phase")
     return [parts[part] for part in wanted]

@@ -70,7 +70,7 @@ def example(table: Table, *, dt: bool) -> list[str | Remedy]:
 def _kind(address: str) -> str | None:
     """Frequency or time, as far as the name of an axis or its unit says."""
     role, unit = axis_role(address) or "", units.in_brackets(address)[1]
-    if role in ("omega", "freq_hz") or (unit and units.factor(units.FREQUENCY, unit)):
+    if role in ("omega", "freq_hz", f"{UNSURE}frequency") or (unit and units.factor(units.FREQUENCY, unit)):
         return "frequency"
     return "time" if role == "time" or (unit and units.factor(units.TIME, unit)) else None
 
@@ -97,7 +97,7 @@ def _parts(columns: list[tuple[str, np.ndarray]], axis: tuple[str, np.ndarray] |
     names = [address for address, _ in columns]
     found: dict[str, list[str]] = {}
     for name in names:
-        base, unit = (part.lower() for part in units.in_brackets(name))
+        base, unit = (part.lower() for part in units.axis_label(name))
         scale = units.factor(units.PHASE, unit) if unit else None
         phase = "phase_rad" if scale == 1 else "phase_deg"
         part = PARTS.get(base.split()[-1], "") if base else ""

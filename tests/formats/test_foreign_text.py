@@ -118,6 +118,19 @@ CASES = {
         COLUMNS,
         lambda record: np.testing.assert_array_equal(record.u[:, 0], -1 - U),
     ),
+    "entries.csv": (
+        "frequency_hz,H11,H21\n" + cells(HZ, [f"{z:.17g}" for z in G], [f"{2 * z:.17g}" for z in G]),
+        {},
+        lambda frf: np.testing.assert_array_equal(frf.values[:, :, 0], np.stack([G, 2 * G], axis=1)),
+    ),
+    "estimate.csv": (
+        "f,txy\n" + cells(HZ, [f"{z:.17g}" for z in G]),
+        {"frequency_unit": "Hz", "fields": {"freq_hz": "f", "values": "txy"}},
+    ),
+    "short.csv": (
+        "f_Hz;amp_dB;phi_deg\n" + rows(HZ, DB, DEG, separator=";", comma=True),
+        {"fields": {"omega": "f_Hz", "magnitude_db": "amp_dB", "phase_deg": "phi_deg"}},
+    ),
     "footer.csv": ("freq_hz,real,imag\n" + rows(HZ, G.real, G.imag) + "\nTotal points: 8\nOperator, Smith, x\n", {}),
     "empty cells.csv": ("freq_hz,real,imag\n" + rows(HZ, G.real, G.imag) + "\n9,,\n", {}),
     "touchstone.s1p": ("! analyser\n# kHz S MA R 50\n" + rows(HZ / 1e3, np.abs(G), DEG, separator=" "), {}),
