@@ -63,7 +63,7 @@ class _Source(NamedTuple):
 
 def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
     """Draft a commented run file for files that were looked into; names are seen from `folder`."""
-    sources = [source for one in looks for source in _sources(one, folder)]
+    sources = [source for one in _once(looks) for source in _sources(one, folder)]
     parts = [_HEAD, *("\n".join([*one.lines, ""]) for one in sources)]
     sizes = (fault.size for one in looks for fault in one.faults if fault.kind is FaultKind.UNSTATED_PERIOD)
     if period := next((size for size in sizes if size is not None), None):
@@ -77,6 +77,18 @@ def drafted_run_file(looks: Sequence[Look], folder: Path) -> Draft:
         parts.append(_LOOP % _CONTROLLER)
         edits.append(_CONTROLLER)
     return Draft("\n".join([*parts, _CLASS]), (*edits, *(line for one in sources for line in one.checks)))
+
+
+def _once(looks: Sequence[Look]) -> list[Look]:
+    """Looks without those into a file that holds the other signals of a record before: u.txt and y.txt are one."""
+    kept = list[Look]()
+    for one in looks:
+        name = Path(one.path).name
+        marks = (f"{name}:", f"{name}[")
+        fields = [field for other in kept for field in other.arguments.get("fields", {}).values()]
+        if not any(field == name or (isinstance(field, str) and field.startswith(marks)) for field in fields):
+            kept.append(one)
+    return kept
 
 
 def _sources(one: Look, folder: Path) -> list[_Source]:

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from robustid.data import uniform_step
-from robustid.errors import InputError, Remedy
+from robustid.errors import FileFormatError, InputError, Remedy
 from robustid.formats import units
 from robustid.formats.addresses import parse, written
 from robustid.formats.headings import PARTS
+from robustid.formats.readers import read_table
 from robustid.formats.record_pairs import record_pairs
 from robustid.formats.role_names import UNSURE, axis_role, speaks_of_frequency
 from robustid.formats.table import NAMELESS, Table
@@ -248,14 +249,28 @@ def _axes(table: Table, array: np.ndarray, dt: bool) -> list[str | Remedy]:
 
 
 def _beside(path: Path) -> tuple[str, str, str]:
-    """Role that the name of a file says, the other role, and the name of the file for that, which may be there."""
-    inner = "" if path.suffix == ".npy" else ":NAME"
+    """Role that the name of a file says, the other role, and the array for that in the file beside it, which may be there."""
     for word, other in _PAIRS:
-        name = re.sub(rf"(?<![a-z]){word}(?![a-z])", other, path.name, flags=re.IGNORECASE)
-        if name != path.name and path.with_name(name).is_file():
-            mine = "u" if word in ("u", "in", "input", "inputs") else "y"
-            return mine, "y" if mine == "u" else "u", name + inner
-    return "y", "u", f"OTHER{path.suffix}{inner}"
+        apart = rf"(?<![a-z]){word}(?![a-z])" if len(word) < len("input") else word
+        first = rf"^{word}(?=[a-z])" if len(word) == 1 else apart  # "uval.mat" and "yval.mat"
+        for pattern in (apart, first):
+            name = re.sub(pattern, other, path.name, flags=re.IGNORECASE)
+            if name != path.name and (file := path.with_name(name)).is_file():
+                mine = "u" if word in ("u", "in", "input", "inputs") else "y"
+                return mine, "y" if mine == "u" else "u", name + _only_array(file)
+    return "y", "u", f"OTHER{path.suffix}" + ("" if path.suffix == ".npy" else ":NAME")
+
+
+def _only_array(path: Path) -> str:
+    """Behind the name of a file, its only array; NAME where it has several."""
+    if path.suffix == ".npy":
+        return ""
+    try:
+        addresses = [address for address, _ in _columns(read_table(path))]
+    except FileFormatError:
+        addresses = []
+    only = addresses[0] if len(addresses) == 1 else "NAME"
+    return only if only.startswith("[") else f":{only}"
 
 
 def _one(names: list[str]) -> str | list[str]:

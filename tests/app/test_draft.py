@@ -94,6 +94,33 @@ def test_signals_and_sample_time_that_are_proposed(tmp_path, name, arrays, field
     assert together == (len(fields) == 2 and "unlike" not in name and "uses" not in name)
 
 
+HALVES = [
+    ("input.txt", "output.txt", {"u": "[:,0]", "y": "output.txt[:,0]"}),
+    ("uval.mat", "yval.mat", {"u": "uval", "y": "yval.mat:yval"}),
+    ("test_u.npy", "test_y.npy", {"u": "[:]", "y": "test_y.npy"}),
+]
+
+
+@pytest.mark.parametrize(("first", "second", "fields"), HALVES, ids=[row[0] for row in HALVES])
+@pytest.mark.parametrize("turned", [False, True])
+def test_input_and_output_in_two_files_are_one_record(tmp_path, first, second, fields, turned):
+    for name, values in ((first, np.tile(U, 3)), (second, np.tile(Y, 3))):
+        path = tmp_path / name
+        if path.suffix == ".mat":
+            scipy.io.savemat(path, {path.stem: values})
+        else:
+            np.savetxt(path, values) if path.suffix == ".txt" else np.save(path, values)
+    draft = drafted_run_file([rid.look(tmp_path / name) for name in sorted([first, second], reverse=turned)], tmp_path)
+    (tmp_path / "run.toml").write_text(draft.text)
+    read = read_run_file(tmp_path / "run.toml")
+    (source,) = read.record
+    assert read.estimate.period == SAMPLES
+    if not turned:
+        assert source.fields == fields
+    record = rid.load(tmp_path / source.file, fields=source.fields, dt=2e-3)
+    assert np.array_equal(record.u[:SAMPLES, 0], U)
+
+
 GUESSES = [
     (np.sqrt(MS + 1), {"freq_hz": "blorp", "real": "quux", "imag": "zing"}),
     (MS, {"time": "blorp", "u": "quux", "y": "zing"}),
