@@ -50,7 +50,7 @@ def test_clean_measurements_are_told_nothing(plants, seeds):
     assert len(told) <= TOLD * len(seeds) * len(plants), told
 
 
-@pytest.mark.parametrize("seeds", [range(15), slow(range(300))])
+@pytest.mark.parametrize("seeds", [range(8), slow(range(300))])
 def test_clean_short_records_are_told_nothing(seeds):
     told = [(clean.name, seed, found) for seed in seeds if (found := found_faults(clean := short(seed)))]
     assert len(told) <= TOLD * len(seeds), told

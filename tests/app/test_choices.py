@@ -310,7 +310,7 @@ def test_a_class_that_stands_in_place_of_a_search_without_end_says_so():
         assert run.choices["prior"].in_place
 
 
-def test_modes_are_those_of_all_bands_of_a_response():
+def test_modes_are_those_of_all_bands_of_a_response(unreduced):
     """Files of two bands of one plant, as analysers write them: the poles of the second are not left to the class."""
     hz, rng = [np.linspace(4, 30, 40), np.linspace(28, 300, 70)], np.random.default_rng(0)
     natural, damping = 2 * np.pi * np.array([12.0, 140.0]), np.array([0.01, 0.008])
