@@ -5,6 +5,7 @@ from robustid.advice.class_changes import missing_integrators
 from robustid.advice.class_table import ClassCandidate, ClassSuggestion
 from robustid.advice.content import Content, content
 from robustid.advice.diagnosis import Diagnosis, diagnose
+from robustid.advice.every_mode import every_mode
 from robustid.advice.experiment_corrections import Experiment, experiments, without_experiments
 from robustid.advice.gain_curve import SAFETY, computable_step, possible_rates
 from robustid.advice.kautz import KautzSuggestion, suggest_kautz
@@ -56,6 +57,7 @@ __all__ = [
     "disagreement_words",
     "ends_words",
     "entry_sizes",
+    "every_mode",
     "experiments",
     "improve_kautz",
     "missing_integrators",

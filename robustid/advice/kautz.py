@@ -14,7 +14,6 @@ from robustid.advice.pole_fit import (
     BELOW,
     DAMPING,
     LineData,
-    StepClock,
     best_start,
     checked_lines,
     find_poles,
@@ -36,6 +35,7 @@ from robustid.advice.pole_interval import (
     with_shown,
 )
 from robustid.advice.real_poles import RealPoles, explain_more, over_decades, slow_poles
+from robustid.advice.step_clock import StepClock
 from robustid.bases import ParametricBasis, kautz
 from robustid.core import Budget, Frozen, Real, as_count, freeze, hz_scale, hz_words, one_thread
 from robustid.data import FrequencyResponse
@@ -212,7 +212,7 @@ def suggest_kautz(
             f"`modes` = {wanted}: {fit.angle.size} frequency points can't tell more than {fit.room} modes from a smooth"
             " remainder; ask for fewer modes, or give more frequency points"
         )
-    budget, clock = Budget(time_limit), StepClock(fit, time_limit)
+    budget, clock = Budget(time_limit), StepClock(*fit.size, time_limit)
     poles, reason = find_poles(fit, wanted, clock)
     lowest = float(frf.omega[frf.omega > 0].min(initial=np.inf))
     # Looked for where modes leave something, or none of them stands.

@@ -7,36 +7,32 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import time
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robustid.advice.step_clock import MOST_LINES, PLACES, StepClock
 from robustid.core import Complex, Plane, Projection, Real, as_positive, plane_of, projected
 from robustid.data import FrequencyResponse
-from robustid.errors import InputError, InputTypeError, Remedy, SizeError
+from robustid.errors import InputError, InputTypeError
 
 _log = logging.getLogger("robustid")
 
 SMOOTH = 3  # terms 1, z^-1, z^-2 of the smooth remainder
 _MOST_MODES = 20
-_MOST_LINES = 1000  # for the search; the interval of a mode uses the frequency points around it
 # A further mode must remove this part of the sum of squares at the start, or this part of what is left.
 _WORTH, _WORTH_LEFT = 0.003, 0.75
 _WORTH_NEAR = 0.9  # or this part of what there is around it, where that is more than the bounds
 _NEAR = (5, 12)  # half-widths of a mode, and fewest frequency points, that are around it
 DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped, and see `lightest`
+_LIGHT = 0.4  # damping ratio below which a pair is a mode, and none that stands for a remainder
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DENSE = 12  # lighter ones, where the points are denser than the lightest damping
 _DELAYS = range(4)  # samples
 BELOW = 20  # times below the lowest frequency point: where poles are looked for too (friction, a suspension)
 _ONE = 0.01  # half-widths between two poles, below which they are one
-_PLACES = 400  # of a resonance on the grid of poles, at most
-_PER_SECOND = 4e6  # places at a frequency point of an entry, in the search for a mode: as measured
-_PATIENCE = 5.0  # seconds that a search may take in any case
-_SEARCHED = 0.65  # of a time limit: intervals take half as long as the search, or less (measured)
 _SLOW = 0.7  # decay per sample, in units of log; a smooth remainder can hold a pole that decays faster
 
 
@@ -65,6 +61,11 @@ class LineData:
     def measured(self) -> NDArray[np.bool_]:
         """Frequency points at which each entry was measured, (E, F)."""
         return np.ones((1, self.angle.size), bool) if self.value.ndim == 1 else np.isfinite(self.bound.T)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Numbers of entries and of frequency points."""
+        return len(self.measured), self.angle.size
 
     @property
     def room(self) -> int:
@@ -119,38 +120,6 @@ def checked_lines(frf: object, dt: float | None) -> LineData:
             f"`frf` has {frf.omega.size} frequency points; at least 4 are needed to find one mode beside a smooth remainder"
         )
     return line_data([frf], plane)
-
-
-class StepClock:
-    """Time of a search for modes: no step begins that would end after its part of the limit.
-
-    A step is expected to take as long as the longest one before, the first one by its number of multiplications. The rest of the
-    limit is for the intervals, which the modes that are found must have.
-    """
-
-    def __init__(self, data: LineData, time_limit: float | None) -> None:
-        self._limit = None if time_limit is None else as_positive("time_limit", time_limit)
-        self.ended = False  # before the modes came to an end
-        self._entries, self._lines = len(data.measured), min(data.angle.size, _MOST_LINES)
-        self._longest = self._entries * self._lines * min(8 * self._lines, _PLACES) / _PER_SECOND
-        self._start = self._last = time.monotonic()
-
-    def begins(self) -> bool:
-        """Tell whether there is time for the next step; where there is none the search has ended."""
-        now = time.monotonic()
-        self._longest, self._last = max(self._longest, now - self._last), now
-        if self._limit is not None:
-            self.ended = now - self._start + self._longest > max(_SEARCHED * self._limit, _PATIENCE)
-        return not self.ended
-
-    def refuse(self, found: str) -> SizeError:
-        """Say that the next step has no time, and what was found."""
-        return SizeError(
-            f"`frf` has {self._entries} entries of {self._lines} frequency points: {found} after"
-            f" {self._last - self._start:.3g} s, and the next step takes about {self._longest:.2g} s, `time_limit` is"
-            f" {self._limit:g} s. ",
-            Remedy({}, "Take single entries, frf.entry(output, input), fewer points, frf.select, or more time"),
-        )
 
 
 def pole_pair(angle: Real, pole: Real, power: int = 1) -> Complex:
@@ -225,7 +194,7 @@ def ratios(rows: Real) -> Real:
 
 def find_poles(data: LineData, wanted: int | None, clock: StepClock) -> tuple[Real, str]:
     """Poles (log angle, log damping) one after the other, all refined together after each."""
-    data = data.select(slice(None, None, -(-data.angle.size // _MOST_LINES)))
+    data = data.select(slice(None, None, -(-data.angle.size // MOST_LINES)))
     poles = np.zeros((0, 2))
     most = min(data.room, _MOST_MODES if wanted is None else wanted)
     before = residual_rows(poles, data)
@@ -243,16 +212,29 @@ def find_poles(data: LineData, wanted: int | None, clock: StepClock) -> tuple[Re
             if wanted is not None or not len(poles):
                 raise clock.refuse(f"{_count(poles)} found")
             return poles, f"{_count(poles)}, then the time was over; {fits}"
-        further = refine(np.vstack([poles, best_start(poles, data)]), data)
-        after = residual_rows(further, data)
+        further, after = _with_one_more(data, poles)
         gain = float(before @ before - after @ after)
-        small = gain < _WORTH * whole and gain < _WORTH_LEFT * float(before @ before)
-        if wanted is None and small and not _explains(data, further[-1], before, after):
-            return (
-                poles,
-                f"{_count(poles)}; a further one would remove {gain / whole:.2g} of the sum of squares; {fits}",
+        if wanted is None and not _is_worth(data, further[-1], whole, before, after):
+            # The first of two modes that lie together may win little alone; heavily damped ones stand for a remainder.
+            further, after = (
+                _with_one_more(data, further) if len(poles) + 1 < most and clock.begins() else (further, after)
             )
+            two = len(further) == len(poles) + 2 and bool(np.all(further[-2:, 1] < np.log(_LIGHT)))
+            if not (two and _is_worth(data, further[-1], whole, before, after)):
+                said = f"a further one would remove {gain / whole:.2g} of the sum of squares"
+                return poles, f"{_count(poles)}; {said}; {fits}"
         poles, before = further, after
+
+
+def _with_one_more(data: LineData, poles: Real) -> tuple[Real, Real]:
+    """All poles refined with one more, and what they leave."""
+    further = refine(np.vstack([poles, best_start(poles, data)]), data)
+    return further, residual_rows(further, data)
+
+
+def _is_worth(data: LineData, pole: Real, whole: float, before: Real, after: Real) -> bool:
+    gain, left = float(before @ before - after @ after), float(before @ before)
+    return gain >= _WORTH * whole or gain >= _WORTH_LEFT * left or _explains(data, pole, before, after)
 
 
 def _explains(data: LineData, pole: Real, before: Real, after: Real) -> bool:
@@ -273,7 +255,7 @@ def best_start(poles: Real, data: LineData) -> Real:
     """The pole on a grid whose pair removes most of the residual."""
     lines = data.angle.size
     # Between the frequency points too: the resonance of a light mode usually lies there.
-    place = np.interp(np.linspace(0, lines - 1, min(8 * lines, _PLACES)), np.arange(lines), data.angle)
+    place = np.interp(np.linspace(0, lines - 1, min(8 * lines, PLACES)), np.arange(lines), data.angle)
     place = place[(place > 0) & (place < np.pi)]
     best, where = -np.inf, np.zeros(2)
     entries = list(zip(data.each, _projected(data, poles), data.measured, strict=True))

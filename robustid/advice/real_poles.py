@@ -19,6 +19,7 @@ _log = logging.getLogger("robustid")
 _FEWER = 0.25  # of the sum of squares that poles over decades must leave to take the place of modes
 _FAST = 0.7  # decay of a real pole per sample that the gain bound holds as well
 HEAVY = 0.5  # damping ratio from which a pair is taken as real poles are
+_FREE = (1, 2)  # integrators
 _SLOWEST = 0.1  # part of the lowest frequency point: a slower pole is a drift, or a machine that is free to move
 _POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
 # Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
@@ -32,8 +33,10 @@ class RealPoles(NamedTuple):
     damping: Real
     left: float  # sum of squares
     largest: float
+    whole: float = np.inf  # sum of squares without poles
     delay: int = 0  # samples
     standing: int = 0  # poles beside them that are as slow as those of a machine that is free to move
+    beside: bool = False  # True where these poles are there beside integrators alone
     light: tuple[
         tuple[float, float], ...
     ] = ()  # natural frequencies and damping ratios of the lighter pairs beside them
@@ -96,34 +99,53 @@ def _slow(frf: FrequencyResponse, budget: Budget, delay: int | None) -> RealPole
     found = [_behind(frf, step, budget, one) for one in delays]
     if budget.over:  # another delay, or more poles, might be right
         return None
-    best = min(found, key=lambda one: (one.largest > 1, one.order if one.largest <= 1 else 0, one.left))
-    lowest = float(frf.omega[frf.omega > 0].min())
-    heavy, moves = best.damping > HEAVY, best.omega > _SLOWEST * lowest
+    best, lowest = min(found, key=_fewest), float(frf.omega[frf.omega > 0].min())
+    if np.any(best.omega[best.damping > HEAVY] <= _SLOWEST * lowest):
+        # Without integrators, which free machines have, a slower pole beside them is that of their friction.
+        free = [_behind(frf, step, budget, best.delay, count) for count in _FREE]
+        as_well = [one for one in free if one.largest <= 1 or (best.largest > 1 and one.left <= _WORTH * one.whole)]
+        best = best if budget.over else min((best, *as_well), key=lambda one: (one.order + one.standing, one.left))
+    heavy, moves = best.damping > HEAVY, (best.omega > _SLOWEST * lowest) | (best.standing > 0)
     slow = heavy & moves & (best.omega * step < _FAST)
     if not slow.any():
         return None
-    order, standing = np.argsort(best.omega[slow]), int(np.sum(np.where(best.damping < 1, 2, 1)[heavy & ~moves]))
+    order = np.argsort(best.omega[slow])
+    standing = best.standing or int(np.sum(np.where(best.damping < 1, 2, 1)[heavy & ~moves]))
     light = tuple(zip(best.omega[~heavy].tolist(), best.damping[~heavy].tolist(), strict=True))
     return best._replace(
-        omega=best.omega[slow][order], damping=best.damping[slow][order], standing=standing, light=light
+        omega=best.omega[slow][order],
+        damping=best.damping[slow][order],
+        standing=standing,
+        beside=standing > 0 and (best.largest <= 1 or best.standing > 0),
+        light=light,
     )
 
 
-def _behind(frf: FrequencyResponse, dt: float, budget: Budget, delay: int) -> RealPoles:
-    """The poles behind a delay."""
-    turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None]
-    ahead = dataclasses.replace(frf, values=turned) if delay else frf
-    return _fractions(ahead, PoleFit(ahead, feedthrough=True), 1, budget)._replace(delay=delay)
+def _fewest(one: RealPoles) -> tuple[bool, int, float]:
+    """Order among poles: those that keep all bounds by their number, others by what they leave."""
+    return one.largest > 1, one.order + one.standing if one.largest <= 1 else 0, one.left
 
 
-def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int, budget: Budget) -> RealPoles:
-    """Partial fractions of the order, a multiple of the step, that keeps all inside its bounds, or beyond which little is won."""
+def _behind(frf: FrequencyResponse, dt: float, budget: Budget, delay: int, integrators: int = 0) -> RealPoles:
+    """The poles behind a delay, and behind integrators, which are taken as they are."""
+    lift = ((1j * frf.omega if frf.dt is None else np.expm1(1j * dt * frf.omega)) ** integrators)[:, None, None]
+    turned = frf.values * np.exp(1j * delay * dt * frf.omega)[:, None, None] * lift
+    ahead = dataclasses.replace(frf, values=turned) if delay or integrators else frf
+    found = _fractions(ahead, PoleFit(ahead, feedthrough=True), 1, budget, np.abs(lift))
+    return found._replace(delay=delay, standing=integrators)
+
+
+def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int, budget: Budget, lift: Real | float = 1.0) -> RealPoles:
+    """Partial fractions of the order, a multiple of the step, that keeps all inside its bounds, or beyond which little is won.
+
+    `lift`: factor on the bounds of values that were multiplied.
+    """
     size = np.abs(np.where(frf.missing, 0, frf.values))
-    radius = 0.05 * np.maximum(size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.bound.outer_radius
-    fit.weight = 1 / np.where(frf.missing, np.inf, radius).swapaxes(1, 2).reshape(frf.omega.size, -1)
+    radius = 0.05 * np.maximum(size, 1e-6 * size.max(axis=0)) if frf.bound is None else frf.bound.outer_radius * lift
+    fit.weight = 1 / np.where(frf.missing | (radius == 0), np.inf, radius).swapaxes(1, 2).reshape(frf.omega.size, -1)
     fit.values = np.where(fit.weight > 0, fit.values, 0)
     best = _left(fit, np.zeros(0, complex))
-    whole = best.left
+    whole, idle = best.left, 0
     for order in range(step, min(_MOST_POLES, frf.omega.size // _POINTS_A_POLE) + 1, step):
         if best.largest <= 1 or budget.over:
             break
@@ -134,10 +156,10 @@ def _fractions(frf: FrequencyResponse, fit: PoleFit, step: int, budget: Budget) 
         gain = best.left - found.left
         _log.debug("%d poles: largest |residual|/bound %.3g", order, found.largest)
         if gain > 0 and (gain >= _WORTH * whole or gain >= _WORTH_LEFT * best.left):
-            best = found
-        elif order > step:  # the first alone may win nothing where two follow the response
+            best, idle = found, 0
+        elif (idle := idle + 1) > 1:  # one alone may win nothing where two follow the response, those of a pair
             break
-    return best
+    return best._replace(whole=whole)
 
 
 def _needles(fit: PoleFit, poles: Complex) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ _PART = 0.5  # of the bound, that a jump takes away at least: all lines beyond i
 _NOISE = 0.5  # error of a local model in parts of the value from which on it may be noise,
 _QUIET, _SMOOTH = 0.4, 0.2  # part of the lines of noise that may have less, and of the others that may have more
 _LINES = 8  # at least, that nothing excited
+_LEAST_STEP = 0.1
 _TURNED = 0.1  # of a factor that is -1
 _SMALL_BOUNDS = 3.0  # times their bound, that such values are in the median
 _RELATED, _ALIKE = 3.0, 0.25  # in nats, and in parts of the number of lines: neighbours that turn alike are no noise
@@ -121,10 +122,11 @@ def jump(frf: FrequencyResponse, out: NDArray[np.bool_]) -> Jump | None:
 
 
 def least_step(frf: FrequencyResponse) -> float:
-    """Mean bounds of both sides that a step takes at least: errors that lines beside each other share step too, from one window
-    to the next, by what both bounds allow.
+    """Mean bounds of both sides that a step takes at least: where a response is far smaller than they are, none is seen.
+
+    Errors that lines beside each other share step too, from one window to the next, by what both bounds allow.
     """
-    return 2.0 if related(frf) else 0.0
+    return 2.0 if related(frf) else _LEAST_STEP
 
 
 def _jumps(one: Entry, usable: NDArray[np.intp], gaps: NDArray[np.intp], limit: float) -> Real:

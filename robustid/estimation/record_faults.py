@@ -14,7 +14,7 @@ from robustid.estimation.lost_samples import lost_in_periods, lost_samples
 from robustid.estimation.output_faults import answers, moves_on, output_faults
 from robustid.estimation.period_faults import period_faults
 from robustid.estimation.record_relations import with_relations
-from robustid.estimation.repetition import apart, found_period
+from robustid.estimation.repetition import apart, found_period, unequal_blows
 from robustid.estimation.sample_faults import at_ends, cut_off, in_steps, runs, slower, unwrapped, wrapped_fault
 from robustid.estimation.steps import is_step
 from robustid.estimation.stretch import liveliest, stretch_length
@@ -111,7 +111,8 @@ def _repeated(record: TimeRecord, period: int | None) -> int | None:
     if period is None or len(record.u) < 2 * period:
         return None
     drive = record.u if record.reference is None else record.reference
-    return period if apart(drive - drive.mean(axis=0), period) < _CLOSELY else None
+    closely = apart(drive - drive.mean(axis=0), period) < _CLOSELY
+    return period if closely and not unequal_blows(drive, period) else None
 
 
 def _joined(found: list[Fault], records: int) -> tuple[Fault, ...]:
@@ -252,6 +253,9 @@ def _repeating(record: TimeRecord, period: int | None, right: int | None) -> lis
     if period is not None:
         if len(drive) < 2 * period:
             return []
+        if unequal_blows(drive, period):
+            words = "the input strikes with blows that are unequal, which no period has: give none, every blow then counts as it is"
+            return [Fault(FaultKind.WRONG_PERIOD, words, where="input", size=apart(drive, period))]
         differs = apart(drive, period)
         better = right is not None and period % right != 0 and _BETTER * apart(drive, right) < differs
         if differs <= _WRONG and not better:
@@ -273,4 +277,5 @@ def _repeating(record: TimeRecord, period: int | None, right: int | None) -> lis
 def _repeats_with(record: TimeRecord, period: int) -> bool:
     """Return whether there are two periods, and they are alike."""
     drive = record.u if record.reference is None else record.reference
-    return len(drive) >= 2 * period and apart(drive - drive.mean(axis=0), period) <= _WRONG
+    alike = len(drive) >= 2 * period and apart(drive - drive.mean(axis=0), period) <= _WRONG
+    return alike and not unequal_blows(drive, period)

@@ -14,6 +14,8 @@ _SHORTEST = 8  # samples of a period that is looked for
 _DIPS, _ALIKE = 3, 0.1  # places that are looked at; part of what the earlier ones differ by
 _SAME_LAG = 0.5  # samples by which the periods of an early and of a late part may differ
 _PATTERN = LONG // 8  # samples that are looked for in all of a very long record
+_SILENT = 0.05  # of the largest value: what is beside a blow
+_UNEQUAL, _STILL = 0.02, 0.3  # part that blows differ by, at least; part of that which the silence differs by, at most
 _TRIED = 16  # lags at which they come again, and multiples of one
 
 
@@ -27,12 +29,14 @@ def found_period(record: TimeRecord) -> int | None:
     """Shortest period in samples with which the excitation, reference or input, repeats; None where it doesn't.
 
     The shortest lag, at most half the record, at which it differs from itself by at most 15 % of its power, after it has differed
-    by half of it. Of a very long record that of a stretch, or the lag at which a pattern comes again, if all of it repeats so.
+    by half of it; none of blows that are unequal. Of a very long record that of a stretch, or the lag at which a pattern comes
+    again, if all of it repeats so.
     """
     signal = record.u if record.reference is None else record.reference
     signal = signal - signal.mean(axis=0)
     if len(signal) <= LONG:
-        return _shortest(signal)
+        lag = _shortest(signal)
+        return None if lag is None or unequal_blows(signal, lag) else lag
     place = liveliest(signal)
     lag = _shortest(signal[place] - signal[place].mean(axis=0))
     # A few cycles may repeat between two samples, and some of them together nearly at one.
@@ -116,6 +120,23 @@ def _closest(signal: Real, start: int, lag: int, reach: int) -> int:
     return low + int(
         np.argmin(_differences(signal, min(start, len(signal) - high - count), count, low, high - low + 1))
     )
+
+
+def unequal_blows(signal: Real, lag: int) -> bool:
+    """Return whether a signal is silent for most of a period and differs between periods where it isn't: no noise of a sensor."""
+    cut = signal[: len(signal) // lag * lag].reshape(-1, lag, signal.shape[1])
+    cut = cut - np.median(cut, axis=(0, 1))
+    usual = np.abs(cut).max(axis=(0, 2))
+    silent = usual <= _SILENT * usual.max()
+    if 2 * silent.sum() <= lag or silent.all():
+        return False
+    spread: Real = np.asarray(cut.var(axis=0), dtype=float)
+    beside, of_blows, struck = (
+        float(spread[silent].mean()),
+        float(spread[~silent].mean()),
+        float(np.mean(cut[:, ~silent] ** 2)),
+    )
+    return of_blows > _UNEQUAL**2 * struck and beside < _STILL**2 * of_blows
 
 
 def _sweeps(signal: Real, lag: int) -> bool:

@@ -32,6 +32,7 @@ _DEPENDENT = 1e-8  # ratio of the eigenvalues of a Gramian below which states ar
 _CHANGED = 1e-11  # by rounding in other coordinates, times the resolvent: more than sqrt(1/_DEPENDENT) roundings
 _SHORT = 0.25  # half of an arc times the resolvent at its middle
 _PIECES = 4000  # of an arc, at most
+_RESOLVENTS = 50_000  # whose norms are computed, about: seconds
 _STACK = 50_000  # complex numbers in the columns of a stack: what a cache holds
 _AT_ONCE = 16  # angles whose resolvents get their norms together
 _NEAR = 0.05  # of the distance of a singular matrix: how far its norm is used, which it makes larger by as much
@@ -158,7 +159,8 @@ class ArcDerivatives:
     def on_arcs(self, low: Real, high: Real) -> Real:
         """The largest on arcs between angles, (arcs, rows of C, columns of B).
 
-        Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that.
+        Arcs that are long beside the distance of a pole are halved; infinite where a pole is too near for that, and where poles
+        that lie together make the resolvents of too many pieces large.
         """
         largest = np.zeros((low.size, *self.shape))  # rises piece by piece
         if not self._upper.size:
@@ -173,7 +175,7 @@ class ArcDerivatives:
                 short = half * sizes < _SHORT
             for part in np.split(np.flatnonzero(short), range(step, int(short.sum()), step)):
                 np.maximum.at(largest, arc[part], self._on_short_arcs(middle[part], half[part], sizes[part]))
-            left = ~short & (pieces[arc] < _PIECES)
+            left = ~short & (pieces[arc] < _PIECES) & (self._known[0].size < _RESOLVENTS)
             largest[arc[~short & ~left]] = np.inf
             arc, start, middle, end = arc[left], start[left], middle[left], end[left]
             arc, start, end = np.tile(arc, 2), np.concatenate([start, middle]), np.concatenate([middle, end])

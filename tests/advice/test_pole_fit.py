@@ -7,7 +7,7 @@ import pytest
 import scipy.optimize
 
 import robustid as rid
-from robustid.advice import pole_fit, suggest_kautz
+from robustid.advice import pole_fit, step_clock, suggest_kautz
 from robustid.core import ZPlane
 from robustid.errors import SizeError
 
@@ -68,10 +68,23 @@ def test_modes_that_are_small_beside_others_are_found(seed):
     noise = 0.01 * np.exp(2j * np.pi * rng.random(600)) * np.sqrt(rng.random(600))
     small = rid.FrequencyResponse(angle, values + noise, bound=0.01, dt=1.0)
     data = pole_fit.line_data([small], ZPlane(1.0))
-    poles, reason = pole_fit.find_poles(data, None, pole_fit.StepClock(data, None))
+    poles, reason = pole_fit.find_poles(data, None, step_clock.StepClock(*data.size, None))
     found = np.exp(poles[np.argsort(poles[:, 0])])
     assert len(found) == 4, reason
     np.testing.assert_allclose(found[:, 0], [0.5, 1.0, 1.8, 2.5], rtol=0.01)
+
+
+def test_of_modes_that_lie_together_the_second_counts_for_both():
+    """A duct of 12 modes: one more than eight alone removes little, and it ended there, 3.5 bounds off."""
+    rng, hz = np.random.default_rng(5), np.arange(10, 1000, 2.5)
+    natural, damping, gain = np.sort(rng.uniform(40, 950, 12)), rng.uniform(0.008, 0.03, 12), rng.standard_normal(12)
+    parts = zip(natural, damping, gain, strict=True)
+    values = sum(c * hz**2 / (hz**2 - 2j * z * w * hz - w**2) for w, z, c in parts)
+    bound = 0.12 * np.median(np.abs(values))
+    noise = 0.15 * bound * (rng.standard_normal(hz.size) + 1j * rng.standard_normal(hz.size))
+    data = pole_fit.checked_lines(rid.FrequencyResponse(2 * np.pi * hz, values + noise, bound=bound), None)
+    _, reason = pole_fit.find_poles(data, None, step_clock.StepClock(*data.size, None))
+    assert "keep all frequency points in bounds" in reason
 
 
 def test_a_search_that_takes_longer_than_its_limit_is_refused_before_it_begins():
@@ -85,8 +98,8 @@ def test_a_search_that_takes_longer_than_its_limit_is_refused_before_it_begins()
 def test_no_step_begins_that_ends_after_the_search_if_it_takes_as_long_as_the_longest_before(data, monkeypatch):
     """Of 10 s the search has 6.5: 4.7 s after its start there is no time for another step of 2 s."""
     times = iter((0.0, 0.0, 1.0, 3.0, 4.7))
-    monkeypatch.setattr(pole_fit.time, "monotonic", lambda: next(times))
-    clock = pole_fit.StepClock(data, 10.0)
+    monkeypatch.setattr(step_clock.time, "monotonic", lambda: next(times))
+    clock = step_clock.StepClock(*data.size, 10.0)
     assert [clock.begins() for _ in range(3)] == [True, True, True]
     assert not clock.ended
     assert not clock.begins()
@@ -98,8 +111,8 @@ def test_a_search_without_time_for_the_next_mode_keeps_what_it_has_found(monkeyp
     """Of two modes, which both count where they are asked for; a second passes at every look at the clock."""
     frf = rid.datasets.flexible_structure(lines=40, extra_hz=np.linspace(17.2, 18.1, 10)).frequency
     whole, seconds = suggest_kautz(frf), itertools.count()
-    monkeypatch.setattr(pole_fit, "_PATIENCE", 0.0)
-    monkeypatch.setattr(pole_fit.time, "monotonic", lambda: float(next(seconds)))
+    monkeypatch.setattr(step_clock, "_PATIENCE", 0.0)
+    monkeypatch.setattr(step_clock.time, "monotonic", lambda: float(next(seconds)))
     found = suggest_kautz(frf, time_limit=4.0)
     assert (whole.omega.size, whole.complete) == (2, True)
     assert (found.omega.size, found.complete) == (1, False)

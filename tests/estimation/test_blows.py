@@ -7,6 +7,7 @@ import pytest
 import scipy.signal
 
 import robustid as rid
+from robustid.data import FaultKind
 from robustid.errors import InputError
 from robustid.estimation.blows import are_blows
 from support.cases import slow
@@ -87,6 +88,18 @@ def test_records_that_are_no_blows_from_rest_are_estimated_as_any():
     assert not are_blows([dataclasses.replace(one, u=np.roll(one.u, 300, axis=0)) for one in turned], None)
     rng = np.random.default_rng(0)
     assert not are_blows([dataclasses.replace(one, u=rng.standard_normal(one.u.shape)) for one in found], None)
+
+
+@pytest.mark.parametrize(("spread", "noise", "period"), [(0.0, 1e-3, 1000), (0.12, 1e-3, None), (0.12, 0.0, None)])
+def test_unequal_blows_in_one_record_have_no_period(spread, noise, period):
+    """Frames of a hammer, one after the other: what differs between them is the hand, and no noise of the force."""
+    rng, u = np.random.default_rng(0), np.zeros((4, 1000))
+    u[:, 60:66] = (1 + spread * rng.standard_normal((4, 1))) * np.hanning(8)[1:7]
+    u = u.ravel() + noise * rng.standard_normal(4000)
+    plant = rid.TimeRecord(u, np.convolve(u, 0.95 ** np.arange(200))[:4000] + 1e-3 * rng.standard_normal(4000), dt=DT)
+    unstated, stated = rid.prepare.record_faults([plant]), rid.prepare.record_faults([plant], period=1000)
+    assert [int(one.size) for one in unstated if one.kind is FaultKind.UNSTATED_PERIOD] == [period] * bool(period)
+    assert [one.kind for one in stated] == [FaultKind.WRONG_PERIOD] * (period is None)
 
 
 def test_units_of_blows_do_not_matter():

@@ -146,3 +146,18 @@ def test_second_derivatives_of_random_systems_are_never_above_their_bounds(seed)
     found = ArcDerivatives(A, B, C).on_arcs(edges[:-1], edges[1:])
     for own, low, high in zip(found, edges[:-1], edges[1:], strict=True):
         assert np.all(own >= sampled(A, B, C, low, high) * (1 - 1e-4) - 1e-6)
+
+
+def test_poles_that_lie_together_near_the_circle_end_in_time():
+    """Three real poles a few millionths from 1 and each other: arcs near them say nothing, those beyond do."""
+    A = np.diag([0.9999, 0.99999, 0.999995]) + np.diag([1.0, 1.0], 1)
+    parts = ArcDerivatives(A, np.array([[0.0], [0.0], [1.0]]), np.array([[1e-6, 0.0, 0.0]]))
+    edges = np.geomspace(1e-4, 3.0, 400)
+    found = parts.on_arcs(edges[:-1], edges[1:])[:, 0, 0]
+    assert parts._known[0].size < 200_000
+    assert np.isinf(found[0])
+    for k in range(150, 399, 50):
+        arc = edges[k], edges[k + 1]
+        assert sampled(A, np.array([[0.0], [0.0], [1.0]]), np.array([[1e-6, 0.0, 0.0]]), *arc).max() <= found[k] * (
+            1 + 1e-4
+        )

@@ -26,6 +26,7 @@ from robustid.advice import (
 )
 from robustid.app.run.checks import AUTO
 from robustid.app.run.class_settings import PriorChoice
+from robustid.app.run.every_mode import with_every_mode
 from robustid.app.run.measurements import Measured
 from robustid.app.run.modes import basis_of
 from robustid.app.run.reading import D, Data
@@ -179,12 +180,12 @@ def with_prior(
     of_data = double and chosen.source is Source.DATA  # modes or none: a valve that integrates has none
     if of_data and not says_something(problem, found):
         slow = _slow_poles_of(single, around, delay) if own else None
-        both = slow is not None and slow.standing and slow.largest <= 1  # integrators alone leave what these explain
-        more = None if both else _with_integrators(run, single, around)
-        if more is None and slow is not None:
-            more = _with_slow_poles(run, single, around, slow)
-        if more is None and both:
-            more = _with_integrators(run, single, around)
+        asked = run, single, around
+        ways = [functools.partial(_with_integrators, *asked)]
+        if slow is not None:  # which integrators alone leave, if they are there beside these
+            ways.insert(0 if slow.beside else 1, functools.partial(_with_slow_poles, *asked, slow))
+        ways += [functools.partial(with_every_mode, *asked)] * bool(own)
+        more = next((one for way in ways if (one := way()) is not None), None)
     if more is not None:
         run, problem, found = more
     elif doubled:
