@@ -27,6 +27,7 @@ _WORTH, _WORTH_LEFT = 0.003, 0.75
 _WORTH_NEAR = 0.9  # or this part of what there is around it, where that is more than the bounds
 _NEAR = (5, 12)  # half-widths of a mode, and fewest frequency points, that are around it
 DAMPING = (1e-5, 0.5)  # where poles are looked for; above the upper end nothing is lightly damped, and see `lightest`
+_CLEARLY = 2.0  # times their bounds, that points are missed by where two further modes are tried at once
 _LIGHT = 0.4  # damping ratio below which a pair is a mode, and none that stands for a remainder
 _START = np.geomspace(1e-3, 0.2, 6)  # damping ratios at which the search starts
 _DENSE = 12  # lighter ones, where the points are denser than the lightest damping
@@ -216,11 +217,10 @@ def find_poles(data: LineData, wanted: int | None, clock: StepClock) -> tuple[Re
         gain = float(before @ before - after @ after)
         if wanted is None and not _is_worth(data, further[-1], whole, before, after):
             # The first of two modes that lie together may win little alone; heavily damped ones stand for a remainder.
-            further, after = (
-                _with_one_more(data, further) if len(poles) + 1 < most and clock.begins() else (further, after)
-            )
-            two = len(further) == len(poles) + 2 and bool(np.all(further[-2:, 1] < np.log(_LIGHT)))
-            if not (two and _is_worth(data, further[-1], whole, before, after)):
+            tried = largest > _CLEARLY and len(poles) + 1 < most and clock.begins()
+            further, after = _with_one_more(data, further) if tried else (further, after)
+            light = bool(np.all(further[-2:, 1] < np.log(_LIGHT)))
+            if not (tried and light and _is_worth(data, further[-1], whole, before, after)):
                 said = f"a further one would remove {gain / whole:.2g} of the sum of squares"
                 return poles, f"{_count(poles)}; {said}; {fits}"
         poles, before = further, after

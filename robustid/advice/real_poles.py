@@ -105,12 +105,13 @@ def _slow(frf: FrequencyResponse, budget: Budget, delay: int | None) -> RealPole
         free = [_behind(frf, step, budget, best.delay, count) for count in _FREE]
         as_well = [one for one in free if one.largest <= 1 or (best.largest > 1 and one.left <= _WORTH * one.whole)]
         best = best if budget.over else min((best, *as_well), key=lambda one: (one.order + one.standing, one.left))
-    heavy, moves = best.damping > HEAVY, (best.omega > _SLOWEST * lowest) | (best.standing > 0)
+    slowest = (_SLOWEST**2 if best.standing else _SLOWEST) * lowest
+    heavy, moves = best.damping > HEAVY, best.omega > slowest
     slow = heavy & moves & (best.omega * step < _FAST)
     if not slow.any():
         return None
     order = np.argsort(best.omega[slow])
-    standing = best.standing or int(np.sum(np.where(best.damping < 1, 2, 1)[heavy & ~moves]))
+    standing = best.standing + int(np.sum(np.where(best.damping < 1, 2, 1)[heavy & ~moves]))
     light = tuple(zip(best.omega[~heavy].tolist(), best.damping[~heavy].tolist(), strict=True))
     return best._replace(
         omega=best.omega[slow][order],

@@ -252,7 +252,7 @@ def _operating_point(predictor: Predictor, record: TimeRecord, y: Real, where: s
     name, mean = record.inputs[moved[0]].name, record.u[:, moved[0]].mean()
     words = (
         f"{where} and input {name} are about {y.mean():.4g} and {mean:.4g} from the first sample on, {first:.2g} standard"
-        " deviations from zero initial conditions, which are stated: a point of operation; count from it"
+        " deviations from rest, where a record begins unless it says otherwise: a point of operation; count from it"
     )
     return [Fault(FaultKind.OFFSET, words, correction="detrend", where=where, size=float(y.mean() / y.std()))]
 

@@ -19,7 +19,8 @@ _ROLES = {name.lower(): role for role in ("u", "y", "time", "dt", "rate") for na
 _SIDE = "u|y|z|in|out|input|output"
 _WORDS = (rf"(?P<role>{_SIDE})(?P<word>[A-Z]\w*|_[A-Za-z]\w*)", rf"(?P<word>[A-Za-z]\w*_)(?P<role>{_SIDE})",
           r"(?P<role>[uyz])(?P<word>[a-z]{2,})")  # fmt: skip
-_USES = ("est", "val", "train", "test", "ident", "id", "learn")  # beginnings of words for what a record is for
+_USES = {"est", "estimation", "val", "validation", "train", "training", "test", "testing", "id", "ident", "identification",
+         "learn", "learning"}  # words for what a record is for  # fmt: skip
 
 
 _SIGNALS = ("u", "y", "z")
@@ -99,4 +100,4 @@ def _named(name: str, text: bool) -> tuple[str, _Key] | None:
 
 def _is_use(word: str) -> bool:
     """Return whether a word says what a record is for, "est" or "validation"."""
-    return word.startswith(_USES)
+    return word.rstrip("0123456789_") in _USES

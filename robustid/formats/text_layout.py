@@ -248,7 +248,9 @@ def _names(
     )
     names = [*usable]
     repeated = tuple(name for name, count in Counter(names).items() if count > 1)
-    return tuple(_numbered(names)), f"names in line {at}{words}", repeated
+    if len(set(each := _numbered(names))) < len(names):
+        return addresses, f"names that are not all different ({', '.join(repeated)[:_LONGEST_NAME]}), so not used", ()
+    return tuple(each), f"names in line {at}{words}", repeated
 
 
 def addressed(width: int) -> tuple[str, ...]:
@@ -268,7 +270,7 @@ def _numbered(names: Sequence[str]) -> list[str]:
     for name in names:
         seen[name] += 1
         found.append(numbered(name, seen[name]))
-    return found if len(set(found)) == len(found) else [*addressed(len(names))]
+    return found
 
 
 def _rows_of_text(lines: Sequence[tuple[int, str]], best: _Reading, ends: bool) -> list[tuple[int, list[str]]]:

@@ -156,7 +156,7 @@ Block = Heading | Text | Verdict | Facts | Table | Drawing | Grid | Beside | Cod
 class Glance:
     """First screen below the verdict: numbers (what, how much), the result in words, the one plot, what to do next.
 
-    At the terminal, where no section says it, stands what is `not_covered`.
+    Below the words stands what is `not_covered`.
     """
 
     numbers: Sequence[tuple[str, str]] = ()

@@ -87,6 +87,7 @@ CASES = {
         "Time,Amplitude,Time,Amplitude\n" + rows(T, U, T, Y),
         {"fields": {"time": "Time", "u": "Amplitude", "y": "Amplitude 2"}},
     ),
+    "numbered already.csv": ("x,x,x 2\n" + rows(T, U, Y), {"fields": SIGNALS}),
     "two clocks.csv": (
         "Time,u,Time,y\n" + rows(T, U, T + DT / 3, Y),
         {"fields": {"time": "[:,0]", "u": "[:,1]", "y": "[:,3]"}},
