@@ -20,6 +20,8 @@ _FEWER = 0.25  # of the sum of squares that poles over decades must leave to tak
 _FAST = 0.7  # decay of a real pole per sample that the gain bound holds as well
 HEAVY = 0.5  # damping ratio from which a pair is taken as real poles are
 _FREE = (1, 2)  # integrators
+_MANY = 400  # frequency points
+_BELOW = 0.5  # of the lowest frequency point: a pole there may be one of a machine that is free to move
 _SLOWEST = 0.1  # part of the lowest frequency point: a slower pole is a drift, or a machine that is free to move
 _POINTS_A_POLE, _MOST_POLES, _ORDERS = 3, 24, 2  # over decades: at least, at most, and from one order to the next
 # Parts of the sum of squares, at the start or of what is left, that two further poles must remove.
@@ -83,8 +85,11 @@ def slow_poles(frf: FrequencyResponse, budget: Budget, delay: int | None = None)
     the time ends before the search. Where modes are in doubt (`FrequencyResponse.doubt`) those of the response that asks for
     more, with these or without: around fewer a class is too small for a plant that the bounds hold.
     """
-    if frf.omega.size < 2 * _POINTS_A_POLE:
+    if (size := frf.omega.size) < 2 * _POINTS_A_POLE:
         return None
+    if size > _MANY:  # as many stand for all, the lowest of them too
+        few = np.concatenate([np.linspace(0, size - 1, _MANY // 2), np.geomspace(1, size, _MANY // 2) - 1])
+        frf = frf.select(np.unique(few.astype(int)))
     found = _slow(frf, budget, delay)
     if frf.doubt is None:
         return found
@@ -100,11 +105,11 @@ def _slow(frf: FrequencyResponse, budget: Budget, delay: int | None) -> RealPole
     if budget.over:  # another delay, or more poles, might be right
         return None
     best, lowest = min(found, key=_fewest), float(frf.omega[frf.omega > 0].min())
-    if np.any(best.omega[best.damping > HEAVY] <= _SLOWEST * lowest):
+    if np.any(best.omega <= _BELOW * lowest):
         # Without integrators, which free machines have, a slower pole beside them is that of their friction.
         free = [_behind(frf, step, budget, best.delay, count) for count in _FREE]
         as_well = [one for one in free if one.largest <= 1 or (best.largest > 1 and one.left <= _WORTH * one.whole)]
-        best = best if budget.over else min((best, *as_well), key=lambda one: (one.order + one.standing, one.left))
+        best = best if budget.over else min((best, *as_well), key=_fewest_free)
     slowest = (_SLOWEST**2 if best.standing else _SLOWEST) * lowest
     heavy, moves = best.damping > HEAVY, best.omega > slowest
     slow = heavy & moves & (best.omega * step < _FAST)
@@ -125,6 +130,11 @@ def _slow(frf: FrequencyResponse, budget: Budget, delay: int | None) -> RealPole
 def _fewest(one: RealPoles) -> tuple[bool, int, float]:
     """Order among poles: those that keep all bounds by their number, others by what they leave."""
     return one.largest > 1, one.order + one.standing if one.largest <= 1 else 0, one.left
+
+
+def _fewest_free(one: RealPoles) -> tuple[int, bool, float]:
+    """Order among poles, of which as few with integrators go first: far below the points nothing tells them from a slow pair."""
+    return one.order + one.standing, one.standing == 0, one.left
 
 
 def _behind(frf: FrequencyResponse, dt: float, budget: Budget, delay: int, integrators: int = 0) -> RealPoles:
